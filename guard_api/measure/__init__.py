@@ -1,0 +1,1 @@
+"""Measurement: rollouts, statistics, the transfer matrix and its report."""

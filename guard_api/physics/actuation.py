@@ -1,0 +1,87 @@
+"""The one actuation law: from controls to joint efforts and thrusts, the same on every backend.
+
+Evaluated at every substep from the joint state at its beginning:
+
+    u      = clip(control, ctrl_range)
+    effort = clip(gear u, +-effort_limit)                                        law "effort"
+           = clip(kp (gear u + offset - q) - kd qd, +-effort_limit)              law "position"
+           = clip(kd (gear u + offset - qd), +-effort_limit)                     law "velocity"
+    force  = clip(gear u, +-effort_limit) along `direction` at `point`           law "thrust"
+
+The actuator efforts on one joint are added and clipped to the joint's own effort limit. The passive part is implicit:
+with D the joint dampings, A the armatures, h the timestep,
+
+    (M + A + h D) qdd = effort - D qd - bias
+
+which is MuJoCo's semi-implicit Euler rule; an engine without it gets the same numbers by an extra armature h D and an
+explicit torque -D qd. Dry friction is the engine's own Coulomb constraint.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from guard_api.model.robot import Actuator, RobotModel
+
+Array = NDArray[np.float64]
+
+
+class ActuationLaw:
+    """The law of one robot, compiled to arrays. Pure: it holds no state between calls."""
+
+    def __init__(self, robot: RobotModel) -> None:
+        self.actuators = robot.actuators
+        self.on_joint = [i for i, a in enumerate(robot.actuators) if a.law != "thrust"]
+        self.on_link = [i for i, a in enumerate(robot.actuators) if a.law == "thrust"]
+        servos = [robot.actuators[i] for i in self.on_joint]
+        self.joint = np.array([robot.joint_index(str(a.joint)) for a in servos], dtype=np.intp)
+        self.thrust_link = np.array([robot.link_index(str(robot.actuators[i].link)) for i in self.on_link], np.intp)
+        self.thrust_point = _column([robot.actuators[i].point for i in self.on_link], (0, 3))
+        self.thrust_direction = _column([robot.actuators[i].direction for i in self.on_link], (0, 3))
+        self.lower = np.array([a.ctrl_range[0] for a in self.actuators])
+        self.upper = np.array([a.ctrl_range[1] for a in self.actuators])
+        self.gear = np.array([a.gear for a in self.actuators])
+        self.limit = np.array([a.effort_limit for a in self.actuators])
+        # effort = scale * target - kp q - kd qd covers the three joint laws with one expression
+        self._scale = np.array([_target_gain(a) for a in servos])
+        self._offset = np.array([_target_gain(a) * a.offset if a.law != "effort" else 0.0 for a in servos])
+        self._kp = np.array([a.kp if a.law == "position" else 0.0 for a in servos])
+        self._kd = np.array([a.kd if a.law in {"position", "velocity"} else 0.0 for a in servos])
+        self.joint_limit = np.array([joint.effort_limit for joint in robot.joints])
+        self._incidence = np.zeros((len(servos), len(robot.joints)))
+        self._incidence[np.arange(len(servos)), self.joint] = 1.0
+
+    @property
+    def num_controls(self) -> int:
+        """Number of controls U."""
+        return len(self.actuators)
+
+    def geared(self, control: NDArray[np.floating]) -> Array:
+        """Return gear * clip(control, ctrl_range): (N, U); constant over the substeps of one step."""
+        return np.clip(control, self.lower, self.upper) * self.gear
+
+    def joint_effort(self, geared: Array, q: Array, qd: Array) -> Array:
+        """Return the actuators' effort on every joint: (N, J) [N m or N], from `geared` (N, U), `q`, `qd` (N, J)."""
+        if not self.on_joint:
+            return np.zeros_like(q)
+        effort = geared[:, self.on_joint] * self._scale + self._offset
+        effort -= self._kp * q[:, self.joint] + self._kd * qd[:, self.joint]
+        limit = self.limit[self.on_joint]
+        effort = np.clip(effort, -limit, limit)
+        return np.clip(effort @ self._incidence, -self.joint_limit, self.joint_limit)
+
+    def thrust(self, geared: Array) -> Array:
+        """Return the force of every thrust actuator in link axes: (N, T, 3) [N]; constant over a step's substeps."""
+        limit = self.limit[self.on_link]
+        force = np.clip(geared[:, self.on_link], -limit, limit)
+        return force[:, :, None] * self.thrust_direction
+
+
+def _target_gain(actuator: Actuator) -> float:
+    """Return d effort / d (gear u) of a joint actuator."""
+    return {"effort": 1.0, "position": actuator.kp, "velocity": actuator.kd}[actuator.law]
+
+
+def _column(rows: list[tuple[float, float, float]], empty: tuple[int, int]) -> Array:
+    return np.array(rows, dtype=float) if rows else np.zeros(empty)

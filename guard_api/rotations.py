@@ -1,0 +1,101 @@
+"""Quaternion arithmetic over leading batch dimensions; quaternions are (w, x, y, z)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+def multiply(a: ArrayLike, b: ArrayLike) -> Array:
+    """Return the quaternion product a b: `(..., 4)`, the rotation b followed by a."""
+    aw, ax, ay, az = np.moveaxis(np.asarray(a, float), -1, 0)
+    bw, bx, by, bz = np.moveaxis(np.asarray(b, float), -1, 0)
+    return np.stack(
+        [
+            aw * bw - ax * bx - ay * by - az * bz,
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw,
+        ],
+        axis=-1,
+    )
+
+
+def conjugate(q: ArrayLike) -> Array:
+    """Return the inverse of a unit quaternion: `(..., 4)`."""
+    return np.asarray(q, float) * np.array([1.0, -1.0, -1.0, -1.0])
+
+
+def to_matrix(q: ArrayLike) -> Array:
+    """Return the rotation matrix `(..., 3, 3)` whose columns are the rotated axes."""
+    w, x, y, z = np.moveaxis(np.asarray(q, float), -1, 0)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def from_matrix(R: ArrayLike) -> Array:
+    """Return the unit quaternion `(4,)`, w >= 0, of one rotation matrix `(3, 3)`."""
+    R = np.asarray(R, float)
+    # The largest component is computed from its square, so no division is by a small number.
+    squares = np.array([1 + R[0, 0] + R[1, 1] + R[2, 2], 1 + R[0, 0] - R[1, 1] - R[2, 2],
+                        1 - R[0, 0] + R[1, 1] - R[2, 2], 1 - R[0, 0] - R[1, 1] + R[2, 2]])  # fmt: skip
+    differences = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    sums = {(1, 2): R[0, 1] + R[1, 0], (1, 3): R[0, 2] + R[2, 0], (2, 3): R[1, 2] + R[2, 1]}
+    k = int(np.argmax(squares))
+    q = np.empty(4)
+    for i in range(4):
+        if i == k:
+            q[i] = squares[k]
+        elif 0 in {i, k}:
+            q[i] = differences[max(i, k) - 1]
+        else:
+            q[i] = sums[min(i, k), max(i, k)]
+    q /= np.linalg.norm(q)
+    return -q if q[0] < 0 else q
+
+
+def from_axis_angle(axis: ArrayLike, angle: ArrayLike) -> Array:
+    """Return the rotation by `angle` `(...)` [rad] about the unit `axis` `(..., 3)`: `(..., 4)`."""
+    half = 0.5 * np.asarray(angle, float)[..., None]
+    vector = np.sin(half) * np.asarray(axis, float)
+    return np.concatenate([np.broadcast_to(np.cos(half), (*vector.shape[:-1], 1)), vector], axis=-1)
+
+
+def from_rpy(roll: float, pitch: float, yaw: float) -> Array:
+    """Return the quaternion `(4,)` of URDF's roll, pitch, yaw [rad]: fixed axes x, then y, then z."""
+    qx, qy, qz = (from_axis_angle(axis, np.float64(angle)) for axis, angle in zip(np.eye(3), (roll, pitch, yaw)))
+    return multiply(qz, multiply(qy, qx))
+
+
+def rotate(q: ArrayLike, v: ArrayLike) -> Array:
+    """Return the vectors `(..., 3)` v turned by q `(..., 4)`: link axes to world axes."""
+    q, v = np.asarray(q, float), np.asarray(v, float)
+    u, w = q[..., 1:], q[..., :1]
+    t = 2.0 * cross(u, v)
+    return v + w * t + cross(u, t)
+
+
+def unrotate(q: ArrayLike, v: ArrayLike) -> Array:
+    """Return the vectors `(..., 3)` v turned by the inverse of q `(..., 4)`: world axes to link axes."""
+    return rotate(conjugate(q), v)
+
+
+def cross(a: ArrayLike, b: ArrayLike) -> Array:
+    """Return a x b: `(..., 3)`; `numpy.cross` without its per-call overhead, which dominates small batches."""
+    a, b = np.asarray(a, float), np.asarray(b, float)
+    a0, a1, a2 = a[..., 0], a[..., 1], a[..., 2]
+    b0, b1, b2 = b[..., 0], b[..., 1], b[..., 2]
+    return np.stack([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0], axis=-1)
+
+
+def yaw_quaternion(yaw: ArrayLike) -> Array:
+    """Return the rotation by `yaw` `(...)` [rad] about world z: `(..., 4)`."""
+    half = 0.5 * np.asarray(yaw, float)
+    zero = np.zeros_like(half)
+    return np.stack([np.cos(half), zero, zero, np.sin(half)], axis=-1)

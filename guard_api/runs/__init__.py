@@ -1,0 +1,1 @@
+"""Run directories: manifests, metrics, checkpoints, all written atomically."""

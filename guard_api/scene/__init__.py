@@ -1,0 +1,1 @@
+"""Scenes: bodies, groups, layouts and where an episode starts."""

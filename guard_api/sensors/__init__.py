@@ -1,0 +1,1 @@
+"""Sensors: pure functions from `Transition` to readings, over N worlds."""

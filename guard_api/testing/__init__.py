@@ -1,0 +1,1 @@
+"""What a plugin author needs: the conformance suite, reference scenes and the exact NumPy backend."""
