@@ -1,0 +1,118 @@
+"""A run directory: what was run, how it went and what came out.
+
+These are `manifest.json` and `config.json`; `progress.csv` and TensorBoard events; `checkpoints/`.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from guard_api.errors import RunError
+from guard_api.runs.atomic import disk_errors, read_json, write_folder, write_json
+from guard_api.runs.checkpoint import save_checkpoint
+from guard_api.runs.progress import ProgressLog
+from guard_api.runs.tensorboard import EventLog
+
+FORMAT = "guard-run-1"
+KEPT_CHECKPOINTS = 3
+"""How many of the newest checkpoints a run keeps; older ones are deleted once a newer one is safe on the disk."""
+
+
+class RunDirectory:
+    """One training run on disk. Everything in it is whole at any moment but the log's last line, which a kill may tear.
+
+    path: the folder. manifest: what decides the numbers (versions, spec, seed, machine).
+    config: the algorithm's options.
+    """
+
+    def __init__(self, path: Path, manifest: dict[str, Any], config: dict[str, Any]) -> None:
+        self.path = path
+        self.manifest = manifest
+        self.config = config
+        self._progress = ProgressLog(path / "progress.csv")
+        self._events = EventLog(path)
+
+    @classmethod
+    def create(cls, path: Path | str, *, manifest: Mapping[str, Any], config: Mapping[str, Any]) -> RunDirectory:
+        """Make a new run directory. Raises RunError when `path` exists and is not an empty folder."""
+        path = Path(path)
+        if path.exists() and not (path.is_dir() and not any(path.iterdir())):
+            raise RunError(f"{path}: exists and is not empty: choose another folder, or resume the run with --resume")
+        whole = {"format": FORMAT, **manifest}
+
+        def fill(folder: Path) -> None:
+            write_json(folder / "config.json", dict(config))
+            write_json(folder / "manifest.json", whole)
+
+        write_folder(path, fill)
+        return cls(path, whole, dict(config))
+
+    @classmethod
+    def open(cls, path: Path | str) -> RunDirectory:
+        """Open an existing run directory. Raises RunError when it is missing, foreign or its manifest is corrupt."""
+        path = Path(path)
+        if not path.is_dir():
+            raise RunError(f"{path}: no such run directory: `guard train --out {path}` makes one")
+        if not (path / "manifest.json").exists():
+            raise RunError(f"{path}: has no manifest.json, so it is not a run directory of GUARD: check the path")
+        remedy = "restore it from a copy, or train again into another folder"
+        manifest = read_json(path / "manifest.json", remedy)
+        if manifest.get("format") != FORMAT:
+            found = manifest.get("format")
+            raise RunError(f"{path / 'manifest.json'}: format {found!r} is not {FORMAT!r}: not a run of this GUARD")
+        return cls(path, manifest, read_json(path / "config.json", remedy))
+
+    def log(self, row: Mapping[str, float]) -> None:
+        """Append one row, with the keys `epoch` and `total_steps`, to progress.csv and the TensorBoard events."""
+        missing = {"epoch", "total_steps"} - row.keys()
+        if missing:
+            raise ValueError(f"a metrics row needs {sorted(missing)}")
+        self._progress.append(row)
+        self._events.append(row)
+
+    def rows(self) -> list[dict[str, float]]:
+        """Return the logged rows, oldest first."""
+        return self._progress.rows()
+
+    def truncate_log(self, epoch: int) -> None:
+        """Drop the rows of epochs after `epoch`, when training goes on from that epoch's checkpoint."""
+        self._progress.truncate(epoch)
+        rows = self.rows()
+        self._events.purge_from = int(rows[-1]["total_steps"]) + 1 if rows else 0
+
+    def save_checkpoint(self, epoch: int, tensors: Mapping[str, np.ndarray], state: Mapping[str, Any]) -> Path:
+        """Write `checkpoints/<epoch>/` whole or not at all, then delete all but the newest `KEPT_CHECKPOINTS`.
+
+        Raises RunError on a full disk; the checkpoints before it stay.
+        """
+        path = self.path / "checkpoints" / f"{epoch:06d}"
+        save_checkpoint(path, tensors, state)
+        with disk_errors(path.parent):
+            for old in self.checkpoints()[:-KEPT_CHECKPOINTS]:
+                shutil.rmtree(old)
+            for leftover in path.parent.glob(".*.tmp"):  # of a kill in the middle of an earlier write
+                shutil.rmtree(leftover)
+        return path
+
+    def checkpoints(self) -> list[Path]:
+        """Return the checkpoints, oldest first."""
+        folder = self.path / "checkpoints"
+        if not folder.is_dir():
+            return []
+        found = (path for path in folder.iterdir() if re.fullmatch(r"\d{6,}", path.name))
+        return sorted(found, key=lambda path: int(path.name))
+
+    def last_checkpoint(self) -> Path | None:
+        """Return the newest checkpoint, or None when there is none yet."""
+        checkpoints = self.checkpoints()
+        return checkpoints[-1] if checkpoints else None
+
+    def close(self) -> None:
+        """Close the TensorBoard file; the object stays usable."""
+        self._events.close()

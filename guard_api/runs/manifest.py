@@ -1,0 +1,145 @@
+"""What decides a run's numbers, written beside them: versions, machine, specification, assets and command."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+import re
+import shlex
+import subprocess
+import sys
+from collections.abc import Callable, Mapping
+from datetime import UTC, datetime
+from importlib import metadata
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+import guard_api
+from guard_api import plugins
+from guard_api.errors import GuardError
+from guard_api.physics.backend import Backend
+
+
+class Specification(Protocol):
+    """What the manifest needs of an environment's spec."""
+
+    @property
+    def name(self) -> str:
+        """Name of the environment, such as `Goal_Point_8Hazards`."""
+        ...
+
+    @property
+    def fingerprint(self) -> str:
+        """Digest of everything that the spec says."""
+        ...
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the spec as JSON-serialisable data."""
+        ...
+
+
+def build_manifest(
+    *, env_spec: Specification, backend: Backend, algorithm: str, seed: int, num_worlds: int, total_steps: int
+) -> dict[str, Any]:
+    """Return the manifest of a training run, JSON-serialisable; unknown facts are None, never guessed."""
+    return {
+        "env": env_spec.name,
+        "spec": env_spec.to_json(),
+        "spec_fingerprint": env_spec.fingerprint,
+        "backend": backend.name,
+        "algorithm": algorithm,
+        "seed": seed,
+        "num_worlds": num_worlds,
+        "total_steps": total_steps,
+        "versions": {**package_versions(), **backend.versions()},
+        "assets": asset_hashes(env_spec.to_json()),
+        **describe_machine(),
+    }
+
+
+def describe_machine() -> dict[str, Any]:
+    """Return git state, hardware, platform, command line and the time, as every result file of GUARD records them."""
+    return {
+        "git": git_state(Path(guard_api.__file__).parent),
+        "hardware": {"cpu": cpu_model(), "cores": os.cpu_count(), "memory_bytes": memory_bytes()},
+        "platform": platform.platform(),
+        "command": shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]]),
+        "started": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
+
+
+def package_versions() -> dict[str, str]:
+    """Return the versions of GUARD, Python, NumPy and, if it has been imported, PyTorch."""
+    versions = {"guard": guard_api.__version__, "python": platform.python_version(), "numpy": np.__version__}
+    if "torch" in sys.modules:
+        versions["torch"] = metadata.version("torch")
+    return versions
+
+
+def asset_hashes(spec: Mapping[str, Any]) -> dict[str, str]:
+    """Return file -> SHA-256 for the files of the robots that `spec` names, over all installed robot folders."""
+    words = {text.lower() for text in _texts(spec)}
+    hashes: dict[str, str] = {}
+    for provider in plugins.names("guard.robots"):
+        try:
+            root_of: Callable[[], Path] = plugins.load("guard.robots", provider)
+            root = Path(root_of())
+        except GuardError:  # a robot package that does not import cannot have given this run its robot
+            continue
+        for file in sorted(root.rglob("*")):
+            folders = {part.lower() for part in file.relative_to(root).parts[:-1]}
+            if file.is_file() and words & (folders | {file.stem.lower()}):
+                hashes[f"{provider}/{file.relative_to(root).as_posix()}"] = hashlib.sha256(
+                    file.read_bytes()
+                ).hexdigest()
+    return hashes
+
+
+def git_state(folder: Path) -> dict[str, Any] | None:
+    """Return the commit of the checkout around `folder` and whether it has changes; None outside a checkout."""
+    commit = _git(folder, "rev-parse", "HEAD")
+    if commit is None:
+        return None
+    return {"commit": commit, "dirty": bool(_git(folder, "status", "--porcelain", "--untracked-files=no"))}
+
+
+def cpu_model() -> str | None:
+    """Return the processor's name as the system states it."""
+    info = Path("/proc/cpuinfo")
+    if info.exists():
+        match = re.search(r"^model name\s*:\s*(.+)$", info.read_text(), re.MULTILINE)
+        if match:
+            return match.group(1)
+    return platform.processor() or None
+
+
+def memory_bytes() -> int | None:
+    """Return the size of the main memory [bytes]."""
+    names = getattr(os, "sysconf_names", {})
+    if "SC_PHYS_PAGES" not in names:
+        return None
+    return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+
+
+def _git(folder: Path, *arguments: str) -> str | None:
+    try:
+        done = subprocess.run(
+            ["git", "-C", str(folder), *arguments], capture_output=True, text=True, timeout=10, check=False
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        return None
+    return done.stdout.strip() if done.returncode == 0 else None
+
+
+def _texts(data: Any) -> list[str]:
+    """Return every string value in nested JSON data."""
+    if isinstance(data, str):
+        return [data]
+    if isinstance(data, Mapping):
+        return [text for value in data.values() for text in _texts(value)]
+    if isinstance(data, list | tuple):
+        return [text for value in data for text in _texts(value)]
+    return []

@@ -1,0 +1,94 @@
+"""The metrics log of a run: `progress.csv`, one row per epoch, which survives a kill at any byte."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from guard_api.errors import RunError
+from guard_api.runs.atomic import disk_errors, write_text
+
+
+class ProgressLog:
+    """Rows of named numbers in a CSV file. Numbers are written so that reading returns the same bits.
+
+    Opening it drops a torn last line, which only a kill in the middle of a write can leave.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._drop_torn_line()
+
+    def append(self, row: Mapping[str, float]) -> None:
+        """Append one row and flush it to the disk; a new column is added to the rows before it, empty.
+
+        Raises RunError on a full disk; the rows before it stay.
+        """
+        columns = self.columns()
+        new = [name for name in row if name not in columns]
+        if new:
+            self._write(columns + new, [*self.rows(), row])
+            return
+        size = self.path.stat().st_size
+        with disk_errors(self.path):
+            try:
+                with self.path.open("a", newline="") as file:
+                    file.write(_line(columns, row))
+                    file.flush()
+                    os.fsync(file.fileno())
+            except OSError:
+                os.truncate(self.path, size)
+                raise
+
+    def columns(self) -> list[str]:
+        """Return the names of the columns, in the order of the file."""
+        if not self.path.exists():
+            return []
+        with self.path.open(newline="") as file:
+            return next(csv.reader(file), [])
+
+    def rows(self) -> list[dict[str, float]]:
+        """Return every row, without its empty columns. Raises RunError for a cell that is not a number."""
+        if not self.path.exists():
+            return []
+        with self.path.open(newline="") as file:
+            return [self._parse(row, number) for number, row in enumerate(csv.DictReader(file), start=2)]
+
+    def truncate(self, epoch: int) -> None:
+        """Drop every row whose `epoch` is greater than `epoch`, atomically."""
+        rows = self.rows()
+        kept = [row for row in rows if row["epoch"] <= epoch]
+        if len(kept) < len(rows):
+            self._write(self.columns(), kept)
+
+    def _write(self, columns: Sequence[str], rows: Sequence[Mapping[str, float]]) -> None:
+        header = io.StringIO()
+        csv.writer(header, lineterminator="\n").writerow(columns)
+        write_text(self.path, header.getvalue() + "".join(_line(columns, row) for row in rows))
+
+    def _parse(self, row: Mapping[str, str | None], number: int) -> dict[str, float]:
+        try:
+            return {name: float(text) for name, text in row.items() if text}
+        except (TypeError, ValueError) as error:
+            raise RunError(f"{self.path}:{number}: {error}: repair or delete this line") from error
+
+    def _drop_torn_line(self) -> None:
+        if not self.path.exists():
+            return
+        data = self.path.read_bytes()
+        whole = data.rfind(b"\n") + 1
+        if whole < len(data):
+            with disk_errors(self.path):
+                os.truncate(self.path, whole)
+
+
+def _line(columns: Sequence[str], row: Mapping[str, float]) -> str:
+    return ",".join(_number(row[name]) if name in row else "" for name in columns) + "\n"
+
+
+def _number(value: float) -> str:
+    value = float(value)
+    return str(int(value)) if value.is_integer() and abs(value) < 1e15 else repr(value)

@@ -1,0 +1,58 @@
+"""TensorBoard events of a run, written without a background thread so that a full disk is an error and not a hang."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from guard_api.runs.atomic import disk_errors
+
+if TYPE_CHECKING:
+    from tensorboardX.event_file_writer import EventsWriter
+
+
+class EventLog:
+    """Scalars against `total_steps`. The event file is made, and tensorboardX imported, by the first `append`.
+
+    purge_from: the step from which TensorBoard shall forget what an earlier, interrupted run of the same folder wrote.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.purge_from: int | None = None
+        self._writer: EventsWriter | None = None
+
+    def append(self, row: Mapping[str, float]) -> None:
+        """Write every number of `row` but its two indices, and flush. Raises RunError on a full disk."""
+        from tensorboardX.proto.event_pb2 import Event, SessionLog
+        from tensorboardX.proto.summary_pb2 import Summary
+
+        with disk_errors(self.folder):
+            writer = self._open()
+            if self.purge_from is not None:
+                start = SessionLog(status=SessionLog.START)
+                writer.write_event(Event(wall_time=time.time(), step=self.purge_from, session_log=start))
+                self.purge_from = None
+            scalars = [
+                Summary.Value(tag=name, simple_value=float(value))
+                for name, value in row.items()
+                if name not in {"epoch", "total_steps"}
+            ]
+            step = int(row.get("total_steps", row.get("epoch", 0)))
+            writer.write_event(Event(wall_time=time.time(), step=step, summary=Summary(value=scalars)))
+            writer.flush()
+
+    def close(self) -> None:
+        """Close the event file; a later `append` begins a new one."""
+        if self._writer is not None:
+            self._writer.close()
+            self._writer = None
+
+    def _open(self) -> EventsWriter:
+        if self._writer is None:
+            from tensorboardX.event_file_writer import EventsWriter
+
+            self._writer = EventsWriter(str(self.folder / "events"), f".{time.time_ns()}")
+        return self._writer
