@@ -1,0 +1,248 @@
+"""The environment: the only place where a task is stepped. Batched over N worlds, on any backend.
+
+It conducts and computes nothing itself: physics is the world's, rewards the task's, costs the constraints', places the
+episode starter's. The order within a step is: physics, reward and costs, respawn, observation, end of episodes, reset.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from guard_api import plugins
+from guard_api.errors import SpecError
+from guard_api.model.library import load_robot
+from guard_api.physics.build import build_world
+from guard_api.physics.state import Array, Mask, State
+from guard_api.physics.transition import Snapshot, Transition, rotation_matrices
+from guard_api.scene.episode import EpisodeStarter
+from guard_api.scene.spec import SceneSpec
+from guard_api.sensors.inertial import InertialSensors
+from guard_api.spec import EnvSpec
+from guard_api.suite import make_spec
+
+FAILURE_REWARD: Final = -10.0
+"""Reward of a step in which a world diverged. Source: GUARD's `reward_exception`."""
+
+FAILURE_COST: Final = 1.0
+"""Cost of such a step, in every column, so that breaking the simulator never pays. Source: GUARD's `cost_exception`."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Step:
+    """What one step of N worlds gave; C constraints, O observation numbers.
+
+    observation: (N, O), of the next episode where one ended. final_observation: (N, O), the last one of the episode
+    that the step belongs to; equal to `observation` where none ended.
+    reward: (N,). costs: (N, C) >= 0, columns as `Environment.cost_names`.
+    terminated: (N,) ended by a failure. truncated: (N,) ended by the time limit. success: (N,) the task was achieved.
+    failures: world -> reason, for the terminated ones.
+    """
+
+    observation: Array
+    reward: Array
+    costs: Array
+    terminated: Mask
+    truncated: Mask
+    final_observation: Array
+    success: Mask
+    failures: dict[int, str]
+
+
+class Environment:
+    """N worlds of one specification on one backend.
+
+    Raises SpecError or BackendError from the constructor when the two do not fit.
+    """
+
+    def __init__(
+        self, spec: EnvSpec, *, backend: str, num_worlds: int = 1, seed: int = 0, workers: int | None = None
+    ) -> None:
+        if num_worlds < 1:
+            raise SpecError(f"num_worlds is {num_worlds}: it must be at least 1")
+        self.spec, self.backend_name, self.num_worlds, self.seed = spec, backend, num_worlds, seed
+        self.robot = load_robot(spec.robot)
+        self._groups = (*spec.task.objects(), *(g for c in spec.constraints for g in c.objects()))
+        self.scene = SceneSpec(
+            robot=self.robot,
+            groups=tuple(group for group in self._groups if group.body.physics != "phantom"),
+            timestep=self.robot.timestep,
+            preset=spec.preset,
+        )
+        self.substeps = self.robot.substeps
+        self.episode_length = spec.episode_length
+        self.cost_names = tuple(constraint.name for constraint in spec.constraints)
+        self.action_size = len(self.robot.actuators)
+        self._starter = EpisodeStarter(self.scene, self._groups, spec.extents, num_worlds)
+        self._inertial = InertialSensors(self.robot)
+        self._root = self.robot.link_index(self.robot.root)
+        self.world = build_world(plugins.load("guard.backends", backend), self.scene, num_worlds, workers)
+
+        self._everywhere = np.ones(num_worlds, dtype=bool)
+        self._episode = np.zeros(num_worlds, dtype=np.int64)
+        self._steps = np.zeros(num_worlds, dtype=np.int64)
+        self._positions: dict[str, Array] = {}
+        self._now = self._begin(self._everywhere)
+        self.observation_layout = self._layout()
+        self.observation_size = sum(part.stop - part.start for part in self.observation_layout.values())
+
+    @property
+    def duration(self) -> float:
+        """Simulated time of one environment step [s]."""
+        return self.substeps * self.robot.timestep
+
+    def reset(self, episode: int = 0, seed: int | None = None) -> Array:
+        """Start every world at the beginning of its episode number `episode`; return the observations (N, O).
+
+        seed: replaces the environment's seed. The same seed and episode give the same start on every backend.
+        """
+        if seed is not None:
+            self.seed = seed
+        self._episode[:] = episode
+        self._now = self._begin(self._everywhere)
+        return self._observe(self._standstill(self._now))
+
+    def step(self, action: NDArray[np.floating]) -> Step:
+        """Advance every world by one step under `action` (N, A) in [-1, 1] (clipped to the actuators' ranges).
+
+        Worlds whose episode ended start their next one in the same step.
+        """
+        action = np.asarray(action, dtype=float)
+        if action.shape != (self.num_worlds, self.action_size):
+            raise SpecError(f"action has shape {action.shape}: expected {(self.num_worlds, self.action_size)}")
+        previous = self._now
+        self.world.step(action, self.substeps)
+        state, failed = _survivors(self.world.state(), previous.state)
+        self._now = self._snapshot(state)
+        self._steps += 1
+
+        t = Transition(previous=previous, now=self._now, action=action, duration=self.duration)
+        reward = self.spec.task.reward(t)
+        costs = self._costs(t)
+        success = self.spec.task.reached(t)
+        failures = dict.fromkeys(np.flatnonzero(failed).tolist(), "the physics diverged (non-finite state)")
+        if failures:
+            reward[failed], costs[failed], success = FAILURE_REWARD, FAILURE_COST, success & ~failed
+        if success.any():
+            t = self._respawn(t, success, failures)
+        terminated = np.zeros(self.num_worlds, dtype=bool)
+        terminated[list(failures)] = True
+        truncated = (self._steps >= self.episode_length) & ~terminated
+
+        final = observation = self._observe(t)
+        ended = terminated | truncated
+        if ended.any():
+            self._episode[ended] += 1
+            self._now = self._begin(ended)
+            # A transition with itself reads as standstill for new episodes; the others keep their true reading.
+            observation = np.where(ended[:, None], self._observe(self._standstill(self._now)), final)
+        return Step(
+            observation=observation,
+            reward=reward,
+            costs=costs,
+            terminated=terminated,
+            truncated=truncated,
+            final_observation=final,
+            success=success,
+            failures=failures,
+        )
+
+    def close(self) -> None:
+        """Release the world."""
+        self.world.close()
+
+    def _begin(self, mask: Mask) -> Snapshot:
+        """Start the next episode of the masked worlds and return the snapshot of all."""
+        start, positions = self._starter.begin(mask, self._episode, self.seed)
+        self.world.reset(mask, start)
+        self._steps[mask] = 0
+        for name, placed in positions.items():
+            kept = self._positions.get(name, placed)
+            self._positions[name] = np.where(mask[:, None, None], placed, kept)
+        return self._snapshot(self.world.state())
+
+    def _respawn(self, t: Transition, reached: Mask, failures: dict[int, str]) -> Transition:
+        """Move the achieved goals; a world without a free place for one ends its episode with the reason."""
+        group = self.spec.task.respawn()
+        if group is None:
+            return t
+        self._positions[group], stuck = self._starter.respawn(group, reached, t.now.position, t.now.bodies)
+        for world in np.flatnonzero(stuck).tolist():
+            failures[world] = f"no free place was left for a new {group}"
+        self._now = replace(t.now, bodies={**t.now.bodies, group: self._positions[group]})
+        return replace(t, now=self._now)
+
+    def _snapshot(self, state: State) -> Snapshot:
+        bodies = dict(self._positions)
+        for group in self.scene.groups:
+            bodies[group.name] = state.body_position[:, self.scene.body_slice(group.name)]
+        return Snapshot(
+            state=state,
+            position=state.link_position[:, self._root],
+            rotation=rotation_matrices(state.link_quaternion[:, self._root]),
+            linear_velocity=state.link_linear_velocity[:, self._root],
+            angular_velocity=state.link_angular_velocity[:, self._root],
+            bodies=bodies,
+        )
+
+    def _standstill(self, now: Snapshot) -> Transition:
+        idle = np.zeros((self.num_worlds, self.action_size))
+        return Transition(previous=now, now=now, action=idle, duration=self.duration)
+
+    def _costs(self, t: Transition) -> Array:
+        costs = np.empty((self.num_worlds, len(self.spec.constraints)))
+        for column, constraint in enumerate(self.spec.constraints):
+            costs[:, column] = constraint.cost(t)
+        return costs
+
+    def _readings(self, t: Transition) -> dict[str, Array]:
+        readings = self._inertial.read(t)
+        readings.update(self.spec.task.observe(t))
+        for constraint in self.spec.constraints:
+            readings.update(constraint.observe(t))
+        return readings
+
+    def _layout(self) -> dict[str, slice]:
+        """Return where each reading lies in the observation: names sorted, as in GUARD."""
+        readings = self._readings(self._standstill(self._now))
+        layout: dict[str, slice] = {}
+        first = 0
+        for name in sorted(readings):
+            layout[name] = slice(first, first + readings[name].shape[1])
+            first = layout[name].stop
+        return layout
+
+    def _observe(self, t: Transition) -> Array:
+        readings = self._readings(t)
+        return np.concatenate([readings[name] for name in self.observation_layout], axis=1)
+
+
+def make_environment(
+    env: str | EnvSpec, *, backend: str, num_worlds: int = 1, seed: int = 0, workers: int | None = None
+) -> Environment:
+    """Build the environment named or specified by `env` on the backend named `backend`.
+
+    workers: threads or processes that step the worlds; None lets GUARD choose. It changes no number.
+    Raises SpecError, PluginError or BackendError, each with one line that says what to do.
+    """
+    spec = make_spec(env) if isinstance(env, str) else env
+    return Environment(spec, backend=backend, num_worlds=num_worlds, seed=seed, workers=workers)
+
+
+def _survivors(state: State, previous: State) -> tuple[State, Mask]:
+    """Return the state with the rows of diverged worlds put back to `previous`, and which worlds diverged (N,).
+
+    So everything downstream sees finite numbers; the diverged worlds' episodes end in this step.
+    """
+    failed = ~state.ok
+    if not failed.any():
+        return state, failed
+    mended = {}
+    for name in State.__dataclass_fields__:
+        values = getattr(state, name).copy()
+        values[failed] = getattr(previous, name)[failed]
+        mended[name] = values
+    return State(**mended), failed

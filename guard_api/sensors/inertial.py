@@ -1,0 +1,83 @@
+"""Accelerometer, velocimeter, gyro and magnetometer: computed from link states, the same on every engine.
+
+The accelerometer is the mean proper acceleration over the environment step, from the velocities at its two ends; a
+reading from the engine's last substep would be a property of its solver rather than of the motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+
+from guard_api import rotations
+from guard_api.conventions import GRAVITY, MAGNETIC_FIELD
+from guard_api.model.robot import RobotModel, Sensor, SensorKind
+from guard_api.physics.state import State
+from guard_api.physics.transition import Array, Transition
+from guard_api.shapes import IDENTITY, ORIGIN
+
+_GRAVITY: Final = np.array(GRAVITY)
+_MAGNETIC: Final = np.array(MAGNETIC_FIELD)
+
+
+class InertialSensors:
+    """The inertial sensors of one robot, compiled; `read` is pure."""
+
+    def __init__(self, robot: RobotModel) -> None:
+        self.sensors = robot.sensors
+        self._link = [robot.link_index(sensor.link) for sensor in robot.sensors]
+
+    def read(self, t: Transition) -> dict[str, Array]:
+        """Return every sensor's reading by name, each (N, 3) in the axes of its site.
+
+        accelerometer [m/s^2], (0, 0, 9.81) at rest upright; velocimeter [m/s]; gyro [rad/s]; magnetometer.
+        """
+        readings: dict[str, Array] = {}
+        frames: dict[int, Array] = {}
+        for sensor, link in zip(self.sensors, self._link, strict=True):
+            if link not in frames:
+                frames[link] = rotations.conjugate(t.now.state.link_quaternion[:, link])
+            vector = _WORLD_VECTOR[sensor.kind](t, sensor, link)
+            reading = rotations.rotate(frames[link], vector)
+            if sensor.pose.quaternion != IDENTITY:
+                reading = rotations.unrotate(sensor.pose.quaternion, reading)
+            readings[sensor.name] = reading
+        return readings
+
+
+def _site_velocity(state: State, sensor: Sensor, link: int) -> Array:
+    """Return the velocity of the sensor's site, world axes: (N, 3) [m/s]."""
+    velocity = state.link_linear_velocity[:, link]
+    if sensor.pose.position == ORIGIN:
+        return velocity
+    arm = rotations.rotate(state.link_quaternion[:, link], sensor.pose.position)
+    return velocity + rotations.cross(state.link_angular_velocity[:, link], arm)
+
+
+def _acceleration(t: Transition, sensor: Sensor, link: int) -> Array:
+    change = _site_velocity(t.now.state, sensor, link) - _site_velocity(t.previous.state, sensor, link)
+    return change / t.duration - _GRAVITY
+
+
+def _velocity(t: Transition, sensor: Sensor, link: int) -> Array:
+    return _site_velocity(t.now.state, sensor, link)
+
+
+def _angular_velocity(t: Transition, sensor: Sensor, link: int) -> Array:
+    del sensor  # every point of a rigid link turns alike
+    return t.now.state.link_angular_velocity[:, link]
+
+
+def _magnetic_field(t: Transition, sensor: Sensor, link: int) -> Array:
+    del sensor, link  # the field is the same everywhere
+    return np.broadcast_to(_MAGNETIC, t.now.position.shape)
+
+
+_WORLD_VECTOR: Final[dict[SensorKind, Callable[[Transition, Sensor, int], Array]]] = {
+    "accelerometer": _acceleration,
+    "velocimeter": _velocity,
+    "gyro": _angular_velocity,
+    "magnetometer": _magnetic_field,
+}

@@ -1,0 +1,78 @@
+"""An environment is data: a frozen, JSON-serialisable specification with a fingerprint."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from guard_api.constraints import CONSTRAINTS, Constraint
+from guard_api.errors import SpecError, unknown_name
+from guard_api.scene.spec import ContactPreset
+from guard_api.tasks import TASKS, Task
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EnvSpec:
+    """Everything that defines an environment but the simulator.
+
+    name: its id, such as Goal_Point_8Hazards. version: raised when the same id begins to mean something else.
+    extents: (xmin, ymin, xmax, ymax) [m] of the placement area. episode_length: steps until truncation.
+    preset: contact settings, see `guard_api.scene.spec`.
+    """
+
+    name: str
+    robot: str
+    task: Task
+    constraints: tuple[Constraint, ...]
+    version: int = 0
+    extents: tuple[float, float, float, float] = (-2.0, -2.0, 2.0, 2.0)
+    episode_length: int = 1000
+    preset: ContactPreset = "rigid"
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the specification as JSON data; `EnvSpec.from_json` reads it back."""
+        data: dict[str, Any] = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        data["task"] = _term_to_json(self.task)
+        data["constraints"] = [_term_to_json(constraint) for constraint in self.constraints]
+        data["extents"] = list(self.extents)
+        return data
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> EnvSpec:
+        """Read a specification written by `to_json`. Raises SpecError naming the field that is wrong."""
+        known = {field.name for field in dataclasses.fields(cls)}
+        for key in data:
+            if key not in known:
+                raise unknown_name("field of an environment spec", key, known)
+        try:
+            values = dict(data)
+            values["task"] = _term_from_json("task", TASKS, data["task"])
+            values["constraints"] = tuple(_term_from_json("constraint", CONSTRAINTS, c) for c in data["constraints"])
+            values["extents"] = tuple(float(x) for x in data.get("extents", (-2.0, -2.0, 2.0, 2.0)))
+            return cls(**values)
+        except (KeyError, TypeError) as error:
+            raise SpecError(
+                f"environment spec {data.get('name', '?')!r}: missing or malformed field: {error}"
+            ) from error
+
+    @property
+    def fingerprint(self) -> str:
+        """A 16-digit hash of the whole specification: equal fingerprints mean the same task."""
+        text = json.dumps(self.to_json(), sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _term_to_json(term: Any) -> dict[str, Any]:
+    return {"type": type(term).__name__, **dataclasses.asdict(term)}
+
+
+def _term_from_json(kind: str, table: Mapping[str, type], data: Mapping[str, Any]) -> Any:
+    values = dict(data)
+    name = values.pop("type")
+    if name not in table:
+        raise unknown_name(kind, name, table)
+    return table[name](**values)
