@@ -1,6 +1,6 @@
-"""Layouts: free places for the robot and the objects of N worlds, by rejection. Source: GUARD's engine (its layout sampling).
+"""Layouts: free places for the robot and the objects of N worlds, by rejection.
 
-Every world draws from its own stream, so its layout depends on nothing but its seed.
+Every world draws from its own stream, so its layout depends on nothing but its seed. Source: GUARD's engine.
 """
 
 from __future__ import annotations
