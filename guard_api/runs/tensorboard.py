@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,22 +27,21 @@ class EventLog:
 
     def append(self, row: Mapping[str, float]) -> None:
         """Write every number of `row` but its two indices, and flush. Raises RunError on a full disk."""
-        from tensorboardX.proto.event_pb2 import Event, SessionLog
-        from tensorboardX.proto.summary_pb2 import Summary
-
+        proto = import_module("tensorboardX.proto.event_pb2")  # not at the top: importing tensorboardX takes a second
+        summary = import_module("tensorboardX.proto.summary_pb2")
         with disk_errors(self.folder):
             writer = self._open()
             if self.purge_from is not None:
-                start = SessionLog(status=SessionLog.START)
-                writer.write_event(Event(wall_time=time.time(), step=self.purge_from, session_log=start))
+                start = proto.SessionLog(status=proto.SessionLog.START)
+                writer.write_event(proto.Event(wall_time=time.time(), step=self.purge_from, session_log=start))
                 self.purge_from = None
             scalars = [
-                Summary.Value(tag=name, simple_value=float(value))
+                summary.Summary.Value(tag=name, simple_value=float(value))
                 for name, value in row.items()
                 if name not in {"epoch", "total_steps"}
             ]
             step = int(row.get("total_steps", row.get("epoch", 0)))
-            writer.write_event(Event(wall_time=time.time(), step=step, summary=Summary(value=scalars)))
+            writer.write_event(proto.Event(wall_time=time.time(), step=step, summary=summary.Summary(value=scalars)))
             writer.flush()
 
     def close(self) -> None:
@@ -52,7 +52,6 @@ class EventLog:
 
     def _open(self) -> EventsWriter:
         if self._writer is None:
-            from tensorboardX.event_file_writer import EventsWriter
-
-            self._writer = EventsWriter(str(self.folder / "events"), f".{time.time_ns()}")
+            module = import_module("tensorboardX.event_file_writer")
+            self._writer = module.EventsWriter(str(self.folder / "events"), f".{time.time_ns()}")
         return self._writer

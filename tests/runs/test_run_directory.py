@@ -47,7 +47,7 @@ def test_create_then_open_returns_what_was_given(run: RunDirectory):
 def test_create_refuses_a_folder_in_use_and_accepts_an_empty_one(tmp_path: Path):
     (tmp_path / "empty").mkdir()
     RunDirectory.create(tmp_path / "empty", manifest={}, config={})
-    with pytest.raises(RunError, match="not empty.*--resume"):
+    with pytest.raises(RunError, match=r"not empty.*--resume"):
         RunDirectory.create(tmp_path / "empty", manifest={}, config={})
 
 
@@ -183,7 +183,7 @@ def test_a_full_disk_loses_nothing(run: RunDirectory, monkeypatch: pytest.Monkey
         lambda: atomic.write_json(run.path / "manifest.json", {}),
         lambda: RunDirectory.create(run.path.parent / "second", manifest={}, config={}),
     ):
-        with pytest.raises(RunError, match="No space left on device.*free some space") as caught:
+        with pytest.raises(RunError, match=r"No space left on device.*free some space") as caught:
             action()
         assert "\n" not in str(caught.value)
     monkeypatch.undo()
