@@ -1,0 +1,200 @@
+"""Small robots built in code, whose motion is known on paper: for the conformance suite and for unit tests."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from guard_api.model.robot import Actuator, Collision, Home, Joint, Link, RobotModel
+from guard_api.shapes import Box, Capsule, Matrix3, Pose, Sphere, Vector3
+
+_TO_X = Pose(quaternion=(0.5**0.5, 0.0, 0.5**0.5, 0.0))
+"""A frame whose z axis is the link's x axis: capsules lie along x."""
+
+
+def pendulum(*, length: float = 1.0, mass: float = 1.0, damping: float = 0.0, armature: float = 0.0) -> RobotModel:
+    """A rod with a heavy ball that swings about y, 2 m above the ground; it hangs down at joint position 0.
+
+    The centre of mass is `length` [m] below the hinge; the inertia about it is that of a ball of radius 0.1 m.
+    """
+    ball = Collision(shape=Sphere(radius=0.1), pose=Pose(position=(0.0, 0.0, -length)))
+    inertia = 0.4 * mass * 0.1**2
+    bob = Link(
+        name="bob",
+        mass=mass,
+        com=(0.0, 0.0, -length),
+        inertia=_diagonal(inertia, inertia, inertia),
+        collisions=(ball,),
+    )
+    hinge = _hinge("hinge", "mount", "bob", axis=(0.0, 1.0, 0.0), damping=damping, armature=armature)
+    return _robot("pendulum", [_MOUNT, bob], [hinge], [_motor("hinge", 2.0)], height=2.0)
+
+
+def double_pendulum() -> RobotModel:
+    """Two equal rods of 0.5 m and 1 kg that swing about y, hanging from 2 m; uniform rods, centre of mass halfway."""
+    rods = [_rod(name, 0.5, 1.0, down=True) for name in ("upper", "lower")]
+    joints = [
+        _hinge("shoulder", "mount", "upper", axis=(0.0, 1.0, 0.0)),
+        _hinge("elbow", "upper", "lower", axis=(0.0, 1.0, 0.0), at=(0.0, 0.0, -0.5)),
+    ]
+    return _robot("double_pendulum", [_MOUNT, *rods], joints, [_motor("elbow", 2.0)], height=2.0)
+
+
+def slider(*, limits: tuple[float, float] | None = (-1.0, 1.0)) -> RobotModel:
+    """A cart of 1 kg on a rail along x, 1 m above the ground, that carries a free pole of 0.6 m and 0.5 kg about y."""
+    cart = Link(
+        name="cart",
+        mass=1.0,
+        inertia=_box_inertia(1.0, (0.1, 0.1, 0.05)),
+        collisions=(Collision(shape=Box(half_extents=(0.1, 0.1, 0.05))),),
+    )
+    rail = Joint(name="rail", kind="prismatic", parent="mount", child="cart", axis=(1.0, 0.0, 0.0), limits=limits)
+    joints = [rail, _hinge("pole", "cart", "pole", axis=(0.0, 1.0, 0.0))]
+    links = [_MOUNT, cart, _rod("pole", 0.6, 0.5, down=True)]
+    return _robot("slider", links, joints, [_motor("rail", 5.0)], height=1.0)
+
+
+def three_link_arm() -> RobotModel:
+    """An arm of three capsules on a post, with a turned second joint, servos, damping, armature and a limit.
+
+    One servo of each law: the base by velocity, the shoulder by position, the elbow by effort.
+    """
+    links = [_rod(name, 0.4, mass, down=False) for name, mass in (("turret", 2.0), ("upper", 1.0), ("fore", 0.5))]
+    quarter = Pose(position=(0.4, 0.0, 0.0), quaternion=(0.5**0.5, 0.5**0.5, 0.0, 0.0))
+    joints = [
+        _hinge("base", "mount", "turret", axis=(0.0, 0.0, 1.0), damping=0.2, armature=0.05),
+        Joint(
+            name="shoulder", kind="revolute", parent="turret", child="upper", origin=quarter, axis=(0.0, 0.0, 1.0),
+            limits=(-1.5, 1.5), damping=0.1, armature=0.02, effort_limit=20.0,
+        ),
+        _hinge("elbow", "upper", "fore", axis=(0.0, 0.6, 0.8), at=(0.4, 0.0, 0.0), damping=0.05, armature=0.01),
+    ]  # fmt: skip
+    actuators = [
+        Actuator(name="base", law="velocity", joint="base", gear=2.0, kd=4.0, effort_limit=10.0),
+        Actuator(name="shoulder", law="position", joint="shoulder", gear=1.0, kp=40.0, kd=2.0, effort_limit=30.0),
+        _motor("elbow", 3.0),
+    ]
+    return _robot("three_link_arm", [_MOUNT, *links], joints, actuators, height=1.0)
+
+
+def planar_point() -> RobotModel:
+    """A ball of 1 kg that slides along world x and y and turns about z at a height of 0.1 m, driven on all three."""
+    inertia = 0.4 * 0.1**2
+    ball = Link(
+        name="robot",
+        mass=1.0,
+        inertia=_diagonal(inertia, inertia, inertia),
+        collisions=(Collision(shape=Sphere(radius=0.1)),),
+    )
+    joints = [
+        Joint(
+            name="base_x", kind="prismatic", parent="world", child="base_x", axis=(1.0, 0.0, 0.0), damping=0.1,
+            origin=Pose(position=(0.0, 0.0, 0.1)),
+        ),
+        Joint(name="base_y", kind="prismatic", parent="base_x", child="base_y", axis=(0.0, 1.0, 0.0), damping=0.1),
+        _hinge("base_yaw", "base_y", "robot", axis=(0.0, 0.0, 1.0), damping=0.005),
+    ]  # fmt: skip
+    links = [Link(name="world", mass=0.0), Link(name="base_x", mass=0.0), Link(name="base_y", mass=0.0), ball]
+    return RobotModel(
+        name="planar_point",
+        base="planar",
+        root="robot",
+        links=tuple(links),
+        joints=tuple(joints),
+        actuators=(_motor("base_x", 1.0), _motor("base_y", 1.0), _motor("base_yaw", 0.05)),
+        touch_links=("robot",),
+        home=Home(height=0.1),
+        collide_ground=False,
+    )
+
+
+def floating_body(*, thrusters: bool = True) -> RobotModel:
+    """A free box of 1 kg and 0.2 x 0.4 x 0.6 m, centre of mass off its frame; two thrusters along its z axis."""
+    half, com = (0.1, 0.2, 0.3), (0.02, -0.01, 0.03)
+    body = Link(
+        name="body",
+        mass=1.0,
+        com=com,
+        inertia=_box_inertia(1.0, half),
+        collisions=(Collision(shape=Box(half_extents=half), pose=Pose(position=com)),),
+    )
+    points = ((0.0, 0.2, 0.0), (0.0, -0.2, 0.0)) if thrusters else ()
+    actuators = [
+        Actuator(name=f"thruster{i}", law="thrust", link="body", point=point, gear=10.0, ctrl_range=(0.0, 1.0))
+        for i, point in enumerate(points)
+    ]
+    return _robot("floating_body", [body], [], actuators, height=1.0, base="floating")
+
+
+def floating_tree() -> RobotModel:
+    """A free box with two arms of two rods each, hinged on different axes: six free and four joint coordinates."""
+    body = Link(
+        name="body",
+        mass=2.0,
+        com=(0.01, 0.0, 0.02),
+        inertia=_box_inertia(2.0, (0.2, 0.1, 0.1)),
+        collisions=(Collision(shape=Box(half_extents=(0.2, 0.1, 0.1))),),
+    )
+    links, joints = [body], []
+    for side, y in (("left", 0.1), ("right", -0.1)):
+        links += [_rod(f"{side}_upper", 0.3, 0.4, down=True), _rod(f"{side}_lower", 0.3, 0.2, down=True)]
+        joints += [
+            _hinge(f"{side}_hip", "body", f"{side}_upper", axis=(1.0, 0.0, 0.0), at=(0.0, y, 0.0), armature=0.01),
+            _hinge(f"{side}_knee", f"{side}_upper", f"{side}_lower", axis=(0.0, 1.0, 0.0), at=(0.0, 0.0, -0.3)),
+        ]
+    actuators = [_motor(joint.name, 1.0) for joint in joints]
+    return _robot("floating_tree", links, joints, actuators, height=1.0, base="floating")
+
+
+_MOUNT = Link(name="mount", mass=1.0, inertia=((0.01, 0.0, 0.0), (0.0, 0.01, 0.0), (0.0, 0.0, 0.01)))
+
+
+def _robot(
+    name: str, links: Sequence[Link], joints: Sequence[Joint], actuators: Sequence[Actuator], *, height: float,
+    base: str = "fixed",
+) -> RobotModel:  # fmt: skip
+    return RobotModel(
+        name=name,
+        base="floating" if base == "floating" else "fixed",
+        root=links[0].name,
+        links=tuple(links),
+        joints=tuple(joints),
+        actuators=tuple(actuators),
+        touch_links=tuple(link.name for link in links if link.collisions),
+        home=Home(height=height),
+    )
+
+
+def _hinge(
+    name: str, parent: str, child: str, *, axis: Vector3, at: Vector3 = (0.0, 0.0, 0.0), damping: float = 0.0,
+    armature: float = 0.0,
+) -> Joint:  # fmt: skip
+    origin = Pose(position=at)
+    return Joint(
+        name=name, kind="continuous", parent=parent, child=child, origin=origin, axis=axis, damping=damping,
+        armature=armature,
+    )  # fmt: skip
+
+
+def _motor(joint: str, gear: float) -> Actuator:
+    return Actuator(name=joint, law="effort", joint=joint, gear=gear)
+
+
+def _rod(name: str, length: float, mass: float, *, down: bool) -> Link:
+    """A uniform thin rod from the link's origin along x, or along -z if `down`; its capsule is 0.03 m thick."""
+    across, along = mass * length**2 / 12.0, mass * 0.03**2 / 2.0
+    capsule = Capsule(radius=0.03, half_length=length / 2 - 0.03)
+    if down:
+        com, inertia, turn = (0.0, 0.0, -length / 2), _diagonal(across, across, along), Pose()
+    else:
+        com, inertia, turn = (length / 2, 0.0, 0.0), _diagonal(along, across, across), _TO_X
+    shape = Collision(shape=capsule, pose=Pose(position=com, quaternion=turn.quaternion))
+    return Link(name=name, mass=mass, com=com, inertia=inertia, collisions=(shape,))
+
+
+def _diagonal(x: float, y: float, z: float) -> Matrix3:
+    return ((x, 0.0, 0.0), (0.0, y, 0.0), (0.0, 0.0, z))
+
+
+def _box_inertia(mass: float, half: Vector3) -> Matrix3:
+    x, y, z = (h * h for h in half)
+    return _diagonal(mass * (y + z) / 3.0, mass * (x + z) / 3.0, mass * (x + y) / 3.0)
