@@ -9,11 +9,11 @@ import re
 import shlex
 import subprocess
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,27 +22,12 @@ from guard_api import plugins
 from guard_api.errors import GuardError
 from guard_api.physics.backend import Backend
 
-
-class Specification(Protocol):
-    """What the manifest needs of an environment's spec."""
-
-    @property
-    def name(self) -> str:
-        """Name of the environment, such as `Goal_Point_8Hazards`."""
-        ...
-
-    @property
-    def fingerprint(self) -> str:
-        """Digest of everything that the spec says."""
-        ...
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the spec as JSON-serialisable data."""
-        ...
+if TYPE_CHECKING:
+    from guard_api.spec import EnvSpec
 
 
 def build_manifest(
-    *, env_spec: Specification, backend: Backend, algorithm: str, seed: int, num_worlds: int, total_steps: int
+    *, env_spec: EnvSpec, backend: Backend, algorithm: str, seed: int, num_worlds: int, total_steps: int
 ) -> dict[str, Any]:
     """Return the manifest of a training run, JSON-serialisable; unknown facts are None, never guessed."""
     return {
@@ -55,7 +40,7 @@ def build_manifest(
         "num_worlds": num_worlds,
         "total_steps": total_steps,
         "versions": {**package_versions(), **backend.versions()},
-        "assets": asset_hashes(env_spec.to_json()),
+        "assets": asset_hashes(env_spec.robot),
         **describe_machine(),
     }
 
@@ -79,9 +64,8 @@ def package_versions() -> dict[str, str]:
     return versions
 
 
-def asset_hashes(spec: Mapping[str, Any]) -> dict[str, str]:
-    """Return file -> SHA-256 for the files of the robots that `spec` names, over all installed robot folders."""
-    words = {text.lower() for text in _texts(spec)}
+def asset_hashes(robot: str) -> dict[str, str]:
+    """Return file -> SHA-256 for the files of `robot`, over all installed folders of robots."""
     hashes: dict[str, str] = {}
     for provider in plugins.names("guard.robots"):
         try:
@@ -91,7 +75,7 @@ def asset_hashes(spec: Mapping[str, Any]) -> dict[str, str]:
             continue
         for file in sorted(root.rglob("*")):
             folders = {part.lower() for part in file.relative_to(root).parts[:-1]}
-            if file.is_file() and words & (folders | {file.stem.lower()}):
+            if file.is_file() and robot.lower() in folders:
                 hashes[f"{provider}/{file.relative_to(root).as_posix()}"] = hashlib.sha256(
                     file.read_bytes()
                 ).hexdigest()
@@ -132,14 +116,3 @@ def _git(folder: Path, *arguments: str) -> str | None:
     except (OSError, subprocess.TimeoutExpired):
         return None
     return done.stdout.strip() if done.returncode == 0 else None
-
-
-def _texts(data: Any) -> list[str]:
-    """Return every string value in nested JSON data."""
-    if isinstance(data, str):
-        return [data]
-    if isinstance(data, Mapping):
-        return [text for value in data.values() for text in _texts(value)]
-    if isinstance(data, list | tuple):
-        return [text for value in data for text in _texts(value)]
-    return []

@@ -51,7 +51,9 @@ class EventLog:
             self._writer = None
 
     def _open(self) -> EventsWriter:
-        if self._writer is None:
-            module = import_module("tensorboardX.event_file_writer")
-            self._writer = module.EventsWriter(str(self.folder / "events"), f".{time.time_ns()}")
-        return self._writer
+        if self._writer is not None:
+            return self._writer
+        module = import_module("tensorboardX.event_file_writer")
+        writer: EventsWriter = module.EventsWriter(str(self.folder / "events"), f".{time.time_ns()}")
+        self._writer = writer
+        return writer

@@ -3,20 +3,14 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
 from datetime import datetime
 
 from guard_api.physics.backend import Capabilities
 from guard_api.runs.manifest import asset_hashes, build_manifest, git_state
+from guard_api.spec import EnvSpec
+from guard_api.tasks import TASKS
 
-
-@dataclass(frozen=True)
-class Spec:
-    name: str = "Goal_Point_8Hazards"
-    fingerprint: str = "abc"
-
-    def to_json(self):
-        return {"name": self.name, "robot": "Point"}
+SPEC = EnvSpec(name="Goal_Point_0Hazards", robot="point", task=TASKS["Goal"](), constraints=())
 
 
 class Engine:
@@ -32,13 +26,11 @@ class Engine:
 
 
 def test_manifest_holds_every_decider():
-    manifest = build_manifest(
-        env_spec=Spec(), backend=Engine(), algorithm="cpo", seed=3, num_worlds=8, total_steps=1000
-    )
+    manifest = build_manifest(env_spec=SPEC, backend=Engine(), algorithm="cpo", seed=3, num_worlds=8, total_steps=1000)
     assert json.loads(json.dumps(manifest)) == manifest
     assert manifest["versions"].items() >= {"engine": "9.9"}.items()
     assert {"guard", "python", "numpy"} <= manifest["versions"].keys()
-    assert (manifest["spec_fingerprint"], manifest["seed"], manifest["backend"]) == ("abc", 3, "engine")
+    assert (manifest["spec_fingerprint"], manifest["seed"], manifest["backend"]) == (SPEC.fingerprint, 3, "engine")
     assert datetime.fromisoformat(manifest["started"]).utcoffset() is not None
     assert manifest["hardware"]["cores"] >= 1
 
@@ -53,5 +45,5 @@ def test_assets_of_other_robots_are_not_listed(tmp_path, monkeypatch):
         (tmp_path / "urdf" / robot / f"{robot}.urdf").write_text(robot)
     monkeypatch.setattr("guard_api.plugins.names", lambda group: ["shipped"])
     monkeypatch.setattr("guard_api.plugins.load", lambda group, name: lambda: tmp_path)
-    hashes = asset_hashes({"robot": "Point"})
+    hashes = asset_hashes("Point")
     assert list(hashes) == ["shipped/urdf/point/point.urdf"]
