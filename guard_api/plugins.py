@@ -28,7 +28,9 @@ def load(group: Group, name: str) -> Any:
     plugin = _import(_find(group, name))
     api = getattr(plugin, "api_version", BACKEND_API)
     if group == "guard.backends" and api != BACKEND_API:
-        raise PluginError(f"backend {name!r} was written for backend API {api}, this GUARD has {BACKEND_API}: update it")
+        raise PluginError(
+            f"backend {name!r} was written for backend API {api}, this GUARD has {BACKEND_API}: update it"
+        )
     return plugin
 
 
