@@ -40,22 +40,23 @@ class LinkPoses:
     """Poses of the chosen links, and what `Kinematics.velocities` needs of the way to them.
 
     position: (N, S, 3) [m], quaternion: (N, S, 4); link frames in world axes.
-    origin: (3, K, N) [m], arm: (3, K - 1, N) [m] from the parent's origin, turn: (3, 3, K - 1, N) rotation of the
-    parent; for the K links computed, in the order of `Kinematics.order`; the first has no parent.
+    Of the K links computed, in the order of `Kinematics.order`, components first: origin: (3, K, N) [m];
+    arm: (3, K - 1, N) [m] from the parent's origin; rotation: (3, 3, R, N), of which link k has `Kinematics.frames[k]`.
     """
 
     position: Array
     quaternion: Array
     origin: Array
     arm: Array
-    turn: Array
+    rotation: Array
 
 
 class Kinematics:
     """The kinematics of `robot`, compiled for the links named (default: all, in model order) and their ancestors.
 
-    order: (K,) model indices of the links computed, by depth; the first is the base.
-    parents: (K - 1,) row of each later link's parent. levels: how to sum along the tree.
+    order: (K,) model indices of the links computed, by depth; the first is the base. joints: (K - 1,) model indices
+    of the joints that move the others; slides: (K - 1, 1) which of them are prismatic; parents: (K - 1,) rows that they
+    hang on; levels: the same by depth. frames: (K,) which rotation is each link's.
     Raises ValueError for an unknown link name.
     """
 
@@ -67,18 +68,18 @@ class Kinematics:
         joints = [robot.joints[link - 1] for link in self.order[1:]]
         self.parents = np.array([row[parent[link]] for link in self.order[1:]], np.intp)
         self.levels = _levels([depth[link] for link in self.order], self.parents)
-        self._joint = np.array([link - 1 for link in self.order[1:]], np.intp)
+        self.joints = np.array([link - 1 for link in self.order[1:]], np.intp)
 
         origin = np.array([j.origin.quaternion for j in joints]).reshape(-1, 4)
-        self.axis = rotations.rotate(origin, np.array([j.axis for j in joints]).reshape(-1, 3)).T[:, :, None]
+        self._axis = rotations.rotate(origin, np.array([j.axis for j in joints]).reshape(-1, 3)).T[:, :, None]
         self.slides = np.array([j.kind == "prismatic" for j in joints], bool)[:, None]
         self._any_slide = bool(self.slides.any())
         self._offset = np.array([j.origin.position for j in joints]).reshape(-1, 3).T[:, :, None]
 
-        turns = [not slides or abs(q[0]) < 1.0 for slides, q in zip(self.slides[:, 0], origin)]
-        frames, turning, self._frame_levels = _orientations(self.parents, turns)
-        self._parent_frames = rows_of(frames[self.parents], broadcast=True)
-        self._turning_joint = self._joint[turning]
+        turns = [not slides or abs(q[0]) < 1.0 for slides, q in zip(self.slides[:, 0], origin, strict=True)]
+        self.frames, turning, self._frame_levels = _orientations(self.parents, turns)
+        self._parent_frames = rows_of(self.frames[self.parents], broadcast=True)
+        self._turning_joint = self.joints[turning]
         # A prismatic joint on a turned origin is a turn by half * q = 0.
         self._half = np.where(self.slides[turning], 0.0, 0.5)
         axes = np.array([joints[i].axis for i in turning]).reshape(-1, 3)
@@ -86,17 +87,16 @@ class Kinematics:
         self._sin = _product_matrix(rotations.multiply(origin[turning], np.insert(axes, 0, 0.0, axis=1)))
 
         selected = np.array([row[link] for link in chosen], np.intp)
-        self._selected, self._selected_frames = rows_of(selected), rows_of(frames[selected])
+        self._selected, self._selected_frames = rows_of(selected), rows_of(self.frames[selected])
 
     def poses(self, base_position: Array, base_quaternion: Array, q: Array) -> LinkPoses:
         """Return the poses of the chosen links from the first link's pose (N, 3), (N, 4) and joints `q` (N, J)."""
         quaternion = self._orient(base_quaternion, q)
         rotation = rotation_matrices(quaternion)
-        turn = rotation[:, :, self._parent_frames]
         local = self._offset
         if self._any_slide:
-            local = local + self.axis * np.where(self.slides, q.T.take(self._joint, axis=0), 0.0)
-        arm = np.add.reduce(turn * local, axis=1)
+            local = local + self._axis * np.where(self.slides, self.coordinates(q), 0.0)
+        arm = np.add.reduce(rotation[:, :, self._parent_frames] * local, axis=1)
         origin = np.empty((3, len(self.order), len(q)))
         origin[:, 0] = base_position.T
         self.accumulate(origin, arm)
@@ -105,7 +105,7 @@ class Kinematics:
             quaternion=self._worlds_first(quaternion, self._selected_frames),
             origin=origin,
             arm=arm,
-            turn=turn,
+            rotation=rotation,
         )
 
     def velocities(self, poses: LinkPoses, base_linear: Array, base_angular: Array, qd: Array) -> tuple[Array, Array]:
@@ -113,7 +113,7 @@ class Kinematics:
 
         poses: of the same configuration. base_linear, base_angular: (N, 3) of the first link's frame. qd: (N, J).
         """
-        motion = np.add.reduce(poses.turn * self.axis, axis=1) * qd.T.take(self._joint, axis=0)
+        motion = self.axes(poses) * self.coordinates(qd)
         angular, linear = np.empty_like(poses.origin), np.empty_like(poses.origin)
         angular[:, 0], linear[:, 0] = base_angular.T, base_linear.T
         self.accumulate(angular, np.where(self.slides, 0.0, motion) if self._any_slide else motion)
@@ -121,8 +121,16 @@ class Kinematics:
         self.accumulate(linear, swing + np.where(self.slides, motion, 0.0) if self._any_slide else swing)
         return self._worlds_first(linear, self._selected), self._worlds_first(angular, self._selected)
 
+    def axes(self, poses: LinkPoses) -> Array:
+        """Return the joint axes in world axes: (3, K - 1, N)."""
+        return np.add.reduce(poses.rotation[:, :, self._parent_frames] * self._axis, axis=1)
+
+    def coordinates(self, q: Array) -> Array:
+        """Return the joint values `q` (N, J) of the links computed: (K - 1, N)."""
+        return q.T.take(self.joints, axis=0)
+
     def accumulate(self, total: Array, step: Array) -> None:
-        """Add `step` (3, K - 1, N) along the tree: total[link] = total[parent] + step[link]; total[0] is given."""
+        """Add `step` (C, K - 1, N) along the tree: total[link] = total[parent] + step[link]; total[0] is given."""
         for rows, parents in self.levels:
             np.add(total[:, parents], step[:, rows.start - 1 : rows.stop - 1], out=total[:, rows])
 
@@ -177,11 +185,12 @@ def _by_depth(parent: list[int], chosen: list[int]) -> tuple[list[int], dict[int
     depth = {0: 0}
     for link in chosen:
         path = []
-        while link not in depth:
-            path.append(link)
-            link = parent[link]
-        for step, ancestor in enumerate(reversed(path), start=depth[link] + 1):
-            depth[ancestor] = step
+        ancestor = link
+        while ancestor not in depth:
+            path.append(ancestor)
+            ancestor = parent[ancestor]
+        for step, below in enumerate(reversed(path), start=depth[ancestor] + 1):
+            depth[below] = step
     return sorted(depth, key=lambda link: (depth[link], link)), depth
 
 
@@ -196,9 +205,9 @@ def _levels(depth: Sequence[int], parents: NDArray[np.intp]) -> list[Level]:
 
 
 def _orientations(parents: NDArray[np.intp], turns: list[bool]) -> tuple[NDArray[np.intp], list[int], list[Level]]:
-    """Number the distinct orientations: 0 is the base's, then one per joint that turns, by depth.
+    """Return the orientation of every link row, the joint row of every orientation but the first, and their levels.
 
-    Returns the orientation of every link row, the joint row of every orientation but the first, and their levels.
+    Orientation 0 is the base's; every joint that turns begins another one; they are numbered by depth.
     """
     source, depth = [0], [0]  # of every link row: the link row where its orientation begins, and that one's depth
     for joint, parent in enumerate(parents):

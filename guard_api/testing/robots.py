@@ -12,7 +12,7 @@ _TO_X = Pose(quaternion=(0.5**0.5, 0.0, 0.5**0.5, 0.0))
 
 
 def pendulum(*, length: float = 1.0, mass: float = 1.0, damping: float = 0.0, armature: float = 0.0) -> RobotModel:
-    """A rod with a heavy ball that swings about y, 2 m above the ground; it hangs down at joint position 0.
+    """Return a rod with a heavy ball that swings about y, 2 m above the ground; it hangs down at joint position 0.
 
     The centre of mass is `length` [m] below the hinge; the inertia about it is that of a ball of radius 0.1 m.
     """
@@ -30,7 +30,7 @@ def pendulum(*, length: float = 1.0, mass: float = 1.0, damping: float = 0.0, ar
 
 
 def double_pendulum() -> RobotModel:
-    """Two equal rods of 0.5 m and 1 kg that swing about y, hanging from 2 m; uniform rods, centre of mass halfway."""
+    """Return two equal uniform rods of 0.5 m and 1 kg that swing about y, hanging from a height of 2 m."""
     rods = [_rod(name, 0.5, 1.0, down=True) for name in ("upper", "lower")]
     joints = [
         _hinge("shoulder", "mount", "upper", axis=(0.0, 1.0, 0.0)),
@@ -40,7 +40,7 @@ def double_pendulum() -> RobotModel:
 
 
 def slider(*, limits: tuple[float, float] | None = (-1.0, 1.0)) -> RobotModel:
-    """A cart of 1 kg on a rail along x, 1 m above the ground, that carries a free pole of 0.6 m and 0.5 kg about y."""
+    """Return a cart of 1 kg on a rail along x, 1 m high, from which a free pole of 0.6 m and 0.5 kg hangs about y."""
     cart = Link(
         name="cart",
         mass=1.0,
@@ -54,7 +54,7 @@ def slider(*, limits: tuple[float, float] | None = (-1.0, 1.0)) -> RobotModel:
 
 
 def three_link_arm() -> RobotModel:
-    """An arm of three capsules on a post, with a turned second joint, servos, damping, armature and a limit.
+    """Return an arm of three capsules on a post, with a turned second joint, servos, damping, armature and a limit.
 
     One servo of each law: the base by velocity, the shoulder by position, the elbow by effort.
     """
@@ -77,7 +77,7 @@ def three_link_arm() -> RobotModel:
 
 
 def planar_point() -> RobotModel:
-    """A ball of 1 kg that slides along world x and y and turns about z at a height of 0.1 m, driven on all three."""
+    """Return a ball of 1 kg, 0.1 m high, that slides along world x and y and turns about z, driven on all three."""
     inertia = 0.4 * 0.1**2
     ball = Link(
         name="robot",
@@ -108,7 +108,7 @@ def planar_point() -> RobotModel:
 
 
 def floating_body(*, thrusters: bool = True) -> RobotModel:
-    """A free box of 1 kg and 0.2 x 0.4 x 0.6 m, centre of mass off its frame; two thrusters along its z axis."""
+    """Return a free box of 1 kg and 0.2 x 0.4 x 0.6 m, centre of mass off its frame, two thrusters along its z."""
     half, com = (0.1, 0.2, 0.3), (0.02, -0.01, 0.03)
     body = Link(
         name="body",
@@ -126,7 +126,7 @@ def floating_body(*, thrusters: bool = True) -> RobotModel:
 
 
 def floating_tree() -> RobotModel:
-    """A free box with two arms of two rods each, hinged on different axes: six free and four joint coordinates."""
+    """Return a free box with two arms of two rods each, hinged on different axes: six free and four joint axes."""
     body = Link(
         name="body",
         mass=2.0,
@@ -180,7 +180,7 @@ def _motor(joint: str, gear: float) -> Actuator:
 
 
 def _rod(name: str, length: float, mass: float, *, down: bool) -> Link:
-    """A uniform thin rod from the link's origin along x, or along -z if `down`; its capsule is 0.03 m thick."""
+    """Return a uniform thin rod from the link's origin along x, or along -z if `down`; its capsule is 0.03 m thick."""
     across, along = mass * length**2 / 12.0, mass * 0.03**2 / 2.0
     capsule = Capsule(radius=0.03, half_length=length / 2 - 0.03)
     if down:
