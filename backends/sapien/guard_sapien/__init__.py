@@ -1,0 +1,28 @@
+"""SAPIEN (PhysX 5, CPU) as a GUARD backend: `backend` is the plugin object."""
+
+from __future__ import annotations
+
+from guard_api.conventions import BACKEND_API
+from guard_api.physics.backend import Capabilities
+from guard_api.scene.spec import SceneSpec
+from guard_sapien.engine import physx, sapien
+from guard_sapien.world import SapienWorld
+
+
+class SapienBackend:
+    """The plugin: see `guard_api.physics.backend.Backend`."""
+
+    name = "sapien"
+    api_version = BACKEND_API
+    capabilities = Capabilities(precision="float32", exact_snapshot=False, gaps={})
+
+    def versions(self) -> dict[str, str]:
+        """Return the versions of SAPIEN and of the PhysX inside it."""
+        return {"sapien": str(sapien.__version__), "physx": physx.version()}
+
+    def build(self, scene: SceneSpec, num_worlds: int, threads: int = 1) -> SapienWorld:
+        """Build `num_worlds` copies of `scene`; `threads` is ignored, since PhysX's step holds Python's lock."""
+        return SapienWorld(scene, num_worlds)
+
+
+backend = SapienBackend()

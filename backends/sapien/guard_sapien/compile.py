@@ -1,0 +1,94 @@
+"""From a `SceneSpec` to one PhysX scene: one world."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from guard_api.errors import BackendError
+from guard_api.scene.spec import BodySpec, SceneSpec
+from guard_api.shapes import Cylinder, Pose
+from guard_sapien.articulation import UNLIMITED_SPEED, Articulation, add_robot
+from guard_sapien.engine import open_scene, physx, sapien
+from guard_sapien.shapes import CYLINDER_NOTE, attach, attach_ground, solid_inertia
+from guard_sapien.surfaces import ContactTable
+
+Body: TypeAlias = physx.PhysxRigidDynamicComponent | physx.PhysxRigidStaticComponent
+
+PACKED_BODY = 13
+"""Numbers per rigid body and articulation root in PhysX's packed state: quaternion, position, velocity, angular."""
+
+
+@dataclass(frozen=True, slots=True)
+class Copy:
+    """One world: its scene, its physics system, the robot in it, and the bodies (B,) in the scene's order."""
+
+    scene: sapien.Scene
+    system: physx.PhysxCpuSystem
+    robot: Articulation | None
+    bodies: tuple[Body, ...]
+
+
+def compile_copy(spec: SceneSpec, table: ContactTable) -> Copy:
+    """Build one world of `spec`. Raises BackendError for what PhysX cannot build."""
+    scene = open_scene(spec)
+    if spec.ground:
+        component = physx.PhysxRigidStaticComponent()
+        attach_ground(component, table.ground())
+        _add(scene, component, "ground")
+    bodies = []
+    for index, body in enumerate(spec.bodies):
+        component = _body(body, table)
+        _add(scene, component, f"body_{index}")
+        bodies.append(component)
+    robot = add_robot(scene, spec, spec.robot, table) if spec.robot else None
+    return Copy(scene, scene.physx_system, robot, tuple(bodies))  # type: ignore[arg-type]
+
+
+def check(spec: SceneSpec) -> None:
+    """Raise BackendError when PhysX would accept `spec` but simulate something else."""
+    if not spec.timestep > 0:
+        raise BackendError(f"timestep {spec.timestep} must be positive")
+    for group in spec.groups:
+        if group.body.physics == "phantom":
+            raise BackendError(f"group {group.name!r} is a phantom: phantoms live in the environment, not in physics")
+        if group.body.physics == "dynamic" and not group.body.mass > 0:
+            raise BackendError(f"group {group.name!r}: a dynamic body needs a mass > 0, not {group.body.mass}")
+
+
+def cylinder_notes(spec: SceneSpec) -> tuple[str, ...]:
+    """Return one sentence for everything whose cylinders become polyhedra."""
+    owners = [f"group {g.name!r}" for g in spec.groups if isinstance(g.body.shape, Cylinder)]
+    links = spec.robot.links if spec.robot else ()
+    owners += [f"link {x.name!r}" for x in links if any(isinstance(c.shape, Cylinder) for c in x.collisions)]
+    return tuple(CYLINDER_NOTE.format(owner=owner) for owner in owners)
+
+
+def _body(body: BodySpec, table: ContactTable) -> Body:
+    material = (body.friction, body.restitution)
+    if body.physics == "static":
+        static = physx.PhysxRigidStaticComponent()
+        attach(static, body.shape, at=Pose(), facings=table.fixed(material))
+        return static
+    moving = physx.PhysxRigidDynamicComponent()
+    moving.linear_damping = moving.angular_damping = 0.0
+    moving.max_linear_velocity = moving.max_angular_velocity = UNLIMITED_SPEED
+    moving.sleep_threshold = 0.0
+    if body.physics == "driven":
+        moving.kinematic = True
+        attach(moving, body.shape, at=Pose(), facings=table.fixed(material))
+        return moving
+    attach(moving, body.shape, at=Pose(), facings=table.moving(material))
+    moving.mass = body.mass
+    moving.cmass_local_pose = sapien.Pose()
+    moving.inertia = solid_inertia(body.shape, body.mass).astype(np.float32)
+    return moving
+
+
+def _add(scene: sapien.Scene, component: physx.PhysxRigidBaseComponent, name: str) -> None:
+    entity = sapien.Entity()
+    entity.name = name
+    entity.add_component(component)
+    scene.add_entity(entity)

@@ -1,0 +1,208 @@
+"""N worlds on PhysX: one scene each, so that nothing one world does can change a bit of another."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from guard_api import rotations
+from guard_api.errors import BackendError
+from guard_api.model.kinematics import Kinematics
+from guard_api.physics.state import Array, Inspection, Mask, Start, State
+from guard_api.scene.spec import SceneSpec
+from guard_sapien import contacts
+from guard_sapien.articulation import Articulation
+from guard_sapien.compile import check, compile_copy, cylinder_notes
+from guard_sapien.control import RobotControl
+from guard_sapien.driving import Drives, send
+from guard_sapien.inspection import inspect_copy
+from guard_sapien.packed import PackedLayout
+from guard_sapien.placing import finite_rows, place, place_static
+from guard_sapien.record import Record, fingerprint, from_bytes, to_bytes
+from guard_sapien.surfaces import ContactTable
+
+
+class SapienWorld:
+    """`guard_api.physics.backend.World` on PhysX's CPU solver; see there for every method."""
+
+    def __init__(self, scene: SceneSpec, num_worlds: int) -> None:
+        check(scene)
+        if num_worlds < 1:
+            raise BackendError(f"num_worlds {num_worlds} must be at least 1")
+        self.scene, self.num_worlds = scene, num_worlds
+        self._table = ContactTable(scene)
+        self.approximations = (*self._table.approximations, *cylinder_notes(scene))
+        self._copies = [compile_copy(scene, self._table) for _ in range(num_worlds)]
+        self._layout = PackedLayout(scene)
+        self._control = RobotControl(scene.robot, self._articulations()) if scene.robot else None
+        self._kinematics = Kinematics(scene.robot) if scene.robot else None
+        self._reads_contacts = contacts.wanted(scene)
+        self._bind()
+        self._record = Record(scene, num_worlds)
+        self._drives = Drives(scene, num_worlds)
+        self._packed: Array | None = None
+
+    def reset(self, mask: Mask, start: Start) -> None:
+        """Start the worlds of `mask` anew; one whose numbers had become non-finite is built anew first."""
+        worlds = np.flatnonzero(mask)
+        finite = finite_rows(start)
+        self._rebuild_broken(worlds)
+        order = np.argsort(self._control.of_model) if self._control else []
+        for world in worlds:
+            if finite[world]:
+                place(self._copies[world], self.scene, order, start, world)
+                self._drives.place(world, start.body_position[world], start.body_quaternion[world])
+        self._record.ok[worlds] = finite[worlds]
+        self._record.clear(worlds)
+        self._packed = None
+
+    def step(self, control: NDArray[np.floating], substeps: int) -> None:
+        """Advance every `ok` world; one with a non-finite control or state stops being `ok` and is left alone."""
+        control = np.asarray(control, float)
+        record = self._record
+        if control.shape != record.control.shape or substeps < 1:
+            raise BackendError(f"step(control {control.shape}, {substeps}): control must be {record.control.shape}")
+        record.ok &= np.isfinite(control).all(axis=1)
+        worlds = np.flatnonzero(record.ok)
+        record.control[worlds] = control[worlds]
+        record.impulse[worlds], record.touched[worlds] = 0.0, False
+        record.last_substeps[worlds] = substeps
+        record.substeps[worlds] += substeps
+        self._advance(worlds.tolist(), substeps, self._reads_contacts)
+        self._packed = None
+        record.ok &= np.isfinite(self._read()).all(axis=1)
+
+    def step_raw(self, substeps: int) -> None:
+        """Run law and engine under the last control, reading nothing that the law does not need."""
+        self._advance(list(range(self.num_worlds)), substeps, read_contacts=False)
+        self._packed = None
+
+    def drive(self, group: str, position: Array, quaternion: Array) -> None:
+        """Send a driven group to its poses; the next `step` takes it there."""
+        bodies = self.scene.body_slice(group)
+        if any(body.physics != "driven" for body in self.scene.bodies[bodies]):
+            raise BackendError(f"group {group!r} is not driven: only driven bodies can be moved")
+        self._drives.aim(bodies, position, quaternion)
+
+    def state(self) -> State:
+        """Return the present state, read from PhysX; link states by `Kinematics` from the joint state."""
+        packed = self._read()
+        q, qd, links = self._robot_state(packed)
+        position, quaternion, linear, angular = self._body_state(packed)
+        record = self._record
+        return State(
+            time=record.substeps * self.scene.timestep,
+            joint_position=q, joint_velocity=qd, joint_effort=record.effort.copy(),
+            link_position=links[0], link_quaternion=links[1],
+            link_linear_velocity=links[2], link_angular_velocity=links[3],
+            body_position=position, body_quaternion=quaternion,
+            body_linear_velocity=linear, body_angular_velocity=angular,
+            body_contact=record.touched.copy(), touch=record.mean_touch(self.scene.timestep), ok=record.ok.copy(),
+        )  # fmt: skip
+
+    def snapshot(self) -> bytes:
+        """Return everything that decides the future, except what PhysX keeps to itself (see the README)."""
+        packed = self._read().astype(np.float32)
+        return to_bytes(fingerprint(self.scene, self.num_worlds), [*self._saved(), packed])
+
+    def restore(self, blob: bytes) -> None:
+        """Return to a snapshot of an equal world."""
+        packed = np.empty((self.num_worlds, self._layout.width), np.float32)
+        mark = fingerprint(self.scene, self.num_worlds)
+        self._rebuild_broken(np.arange(self.num_worlds))
+        from_bytes(mark, blob, [*self._saved(), packed])
+        for copy, row, position, quaternion in zip(
+            self._copies, packed, self._drives.position, self._drives.quaternion, strict=True
+        ):
+            place_static(copy, self.scene, position, quaternion)
+            copy.system.unpack(row.tobytes())
+        self._packed = None
+
+    def inspect(self, world: int) -> Inspection:
+        """Return masses, inertias, mass matrix and bias force as PhysX holds them."""
+        return inspect_copy(self.scene, self._copies[world], self._control.of_model if self._control else None)
+
+    def close(self) -> None:
+        """Release the scenes."""
+        self._copies, self._control = [], None
+
+    def _saved(self) -> list[np.ndarray]:
+        return [*self._record.arrays(), *self._drives.arrays()]
+
+    def _rebuild_broken(self, worlds: NDArray[np.intp]) -> None:
+        """Build those of `worlds` anew whose numbers became non-finite: what PhysX caches of them may be poisoned."""
+        broken = worlds[~np.isfinite(self._read()[worlds]).all(axis=1)]
+        for world in broken:
+            self._copies[world] = compile_copy(self.scene, self._table)
+        if len(broken):
+            self._bind()
+            self._packed = None
+
+    def _articulations(self) -> list[Articulation]:
+        return [copy.robot for copy in self._copies if copy.robot is not None]
+
+    def _bind(self) -> None:
+        """Look up the bound methods that the substep loop calls, after worlds were (re)built."""
+        self._step = [copy.system.step for copy in self._copies]
+        if self._control:
+            self._control.bind(self._articulations())
+        if self._reads_contacts:
+            self._readers = [contacts.ContactReader(self.scene, copy) for copy in self._copies]
+
+    def _advance(self, worlds: list[int], substeps: int, read_contacts: bool) -> None:
+        """Run `substeps` of law and engine in `worlds`."""
+        control, record = self._control, self._record
+        geared = control.law.geared(self._record.control[worlds]) if control else np.zeros((len(worlds), 0))
+        wrenches = control.wrenches(geared) if control and control.thrusts else None
+        way = self._drives.waypoints(worlds, substeps)
+        steps = [self._step[world] for world in worlds]
+        effort = record.effort[worlds]
+        for substep in range(substeps):
+            if control:
+                effort = control.apply(worlds, geared, wrenches)
+            send(self._copies, way, substep)
+            for step in steps:
+                step()
+            if read_contacts:
+                for world in worlds:
+                    self._readers[world].add(record.impulse[world], record.touched[world])
+        record.effort[worlds] = effort
+        self._drives.arrive(worlds)
+
+    def _read(self) -> Array:
+        """Return the packed state of all worlds, read once per step: (N, width)."""
+        if self._packed is None:
+            self._packed = self._layout.read(self._copies)
+        return self._packed
+
+    def _robot_state(self, packed: Array) -> tuple[Array, Array, tuple[Array, Array, Array, Array]]:
+        """Return q, qd (N, J) and the links' position, quaternion, linear and angular velocity (N, L, ...)."""
+        if self._control is None or self._kinematics is None or self.scene.robot is None:
+            none, points = np.zeros((self.num_worlds, 0)), np.zeros((self.num_worlds, 0, 3))
+            return none, none, (points, np.zeros((self.num_worlds, 0, 4)), points, points)
+        q, qd = (half.take(self._control.of_model, axis=1) for half in self._layout.joints(packed))
+        root = self._layout.root(packed)
+        quaternion, position = unit(root[:, :4]), root[:, 4:7]
+        angular = root[:, 10:13]
+        # PhysX's velocity is that of the com.
+        arm = rotations.rotate(quaternion, np.asarray(self.scene.robot.links[0].com))
+        linear = root[:, 7:10] - rotations.cross(angular, arm)
+        with np.errstate(invalid="ignore"):  # worlds that are not ok may hold NaN
+            poses = self._kinematics.poses(position, quaternion, q)
+            velocities = self._kinematics.velocities(poses, linear, angular, qd)
+        return q, qd, (poses.position, poses.quaternion, *velocities)
+
+    def _body_state(self, packed: Array) -> tuple[Array, Array, Array, Array]:
+        """Return position, quaternion, linear and angular velocity of the bodies: (N, B, ...)."""
+        position, quaternion = self._drives.position.copy(), self._drives.quaternion.copy()
+        linear, angular = np.zeros_like(position), np.zeros_like(position)
+        rows, moving = self._layout.bodies(packed), self._layout.moving
+        if moving:
+            quaternion[:, moving], position[:, moving] = unit(rows[..., :4]), rows[..., 4:7]
+            linear[:, moving], angular[:, moving] = rows[..., 7:10], rows[..., 10:13]
+        return position, quaternion, linear, angular
+
+
+def unit(quaternion: Array) -> Array:
+    """Return float32 quaternions (..., 4) normalised in float64."""
+    return quaternion / np.linalg.norm(quaternion, axis=-1, keepdims=True)
