@@ -112,6 +112,8 @@ class LayoutSampler:
             candidates = self._scale(drawn[:, i], keepout)
             places[:, i], free = _first_free(candidates, places[:, :i], keepout + keepouts[:i])
             done &= free
+            if not done.any():  # a crowded layout is thrown away as soon as one item finds no place
+                break
         return places, done
 
 

@@ -1,0 +1,49 @@
+"""Specifications: JSON round trip, fingerprints, and names."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from guard_api.constraints import Hazards
+from guard_api.errors import SpecError
+from guard_api.spec import EnvSpec
+from guard_api.suite import known_names, make_spec
+from guard_api.tasks import Goal
+
+
+def test_round_trip_keeps_the_fingerprint() -> None:
+    for name in known_names():
+        spec = make_spec(name)
+        again = EnvSpec.from_json(json.loads(json.dumps(spec.to_json())))
+        assert again == spec
+        assert again.fingerprint == spec.fingerprint
+
+
+def test_any_change_changes_the_fingerprint() -> None:
+    spec = make_spec("Goal_Point_8Hazards")
+    others = [
+        make_spec("Goal_Point_7Hazards"),
+        replace(spec, preset="native"),
+        replace(spec, task=Goal(size=0.3)),
+        replace(spec, constraints=(Hazards(count=8, size=0.2),)),
+        replace(spec, episode_length=500),
+    ]
+    assert len({spec.fingerprint, *(other.fingerprint for other in others)}) == 6
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"taks": 1}, "did you mean task"),
+        ({"task": {"type": "Gaol"}}, "did you mean Goal"),
+        ({"task": {"type": "Goal", "siez": 1}}, "siez"),
+        ({"constraints": [{"type": "Hazard", "count": 8}]}, "did you mean Hazards"),
+    ],
+)
+def test_malformed_specs_are_refused_by_field(change: dict, message: str) -> None:
+    data = {**make_spec("Goal_Point_8Hazards").to_json(), **change}
+    with pytest.raises(SpecError, match=message):
+        EnvSpec.from_json(data)
