@@ -33,7 +33,7 @@ def main(argv: Sequence[str]) -> int:
     if options.json:
         print_json(rows)
     else:
-        print_table(f"GUARD {__version__}", ("what", "state", "note"), ([r["what"], r["state"], r["note"]] for r in rows))
+        print_table(f"GUARD {__version__}", ("what", "state", "note"), (row.values() for row in rows))
     return int(any(row["state"] == "broken" for row in rows))
 
 

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from guard_api import __version__
-from guard_api.errors import GuardError
+from guard_api.errors import GuardError, unknown_name
 
 COMMANDS: Final[dict[str, str]] = {
     "list": "show environments, robots, tasks, constraints, algorithms or backends",
@@ -31,20 +31,14 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 def run(argv: list[str]) -> int:
     """Run one command line and return its exit code."""
-    if not argv or argv[0] in {"-h", "--help"}:
-        print(_usage())
-        return 0
-    if argv[0] == "--version":
-        print(f"guard {__version__}")
+    if not argv or argv[0] in {"-h", "--help", "--version"}:
+        print(f"guard {__version__}" if "--version" in argv else _usage())
         return 0
     name, *rest = argv
-    if name not in COMMANDS:
-        near = [command for command in COMMANDS if command.startswith(name[:2])]
-        print(f"guard: unknown command {name!r}: use {' or '.join(near or COMMANDS)}", file=sys.stderr)
-        return 2
-    module = importlib.import_module(f"guard_api.cli.{name}_command")
     try:
-        return module.main(rest)
+        if name not in COMMANDS:
+            raise unknown_name("command", name, COMMANDS)
+        return importlib.import_module(f"guard_api.cli.{name}_command").main(rest)
     except GuardError as error:
         print(f"guard {name}: {error}", file=sys.stderr)
         return 2
