@@ -1,0 +1,158 @@
+"""From a robot's two files to a `RobotModel`; all problems of both are reported at once."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from guard_api.model.base import resolve_base, with_base
+from guard_api.model.inertia import of_solids, positive_definite
+from guard_api.model.merge import Body, merge_fixed
+from guard_api.model.problems import Problems
+from guard_api.model.references import check_references, place_actuators, place_sensors, place_touch_links
+from guard_api.model.robot import Collision, Home, Joint, JointKind, Link, RobotModel
+from guard_api.model.sidefile import DEFAULT, SideFile, read_side_file
+from guard_api.model.tree import Tree, TreeJoint, TreeLink, ordered
+from guard_api.model.urdf import read_urdf
+
+SIDE_FILE = "robot.toml"
+
+
+def read_robot(urdf: Path, side_file: Path | None = None, *, name: str | None = None) -> RobotModel:
+    """Return the robot of a URDF file and its side file, named `name` or as in the URDF.
+
+    Without `side_file`, the `robot.toml` beside the URDF is used if there is one. Raises ModelError that lists every
+    problem of both files, one per line, with file and line or key.
+    """
+    problems = Problems()
+    beside = urdf.parent / SIDE_FILE
+    if side_file is None and beside.is_file():
+        side_file = beside
+    if side_file is None:
+        problems.note(f"no {SIDE_FILE}: a robot without actuators and sensors, with the default settings")
+    side = read_side_file(side_file, problems) if side_file else SideFile()
+    tree = read_urdf(urdf, problems)
+    if tree is None:
+        raise problems.as_error()
+    return build_robot(replace(tree, name=name or tree.name), side, problems)
+
+
+def build_robot(tree: Tree, side: SideFile, problems: Problems) -> RobotModel:
+    """Return the robot that `tree` and `side` describe. Raises ModelError with all `problems`, earlier ones included."""
+    check_references(tree, side, problems)
+    in_order = ordered(tree, problems)
+    if in_order is None:
+        raise problems.as_error()
+    base = resolve_base(in_order, side, problems)
+    tree = replace(base.tree, links=tuple(_with_mass(link, side, problems) for link in base.tree.links))
+    merged = merge_fixed(tree, problems)
+    carriers = {joint.parent for joint in merged.joints}
+    if base.kind == "floating":
+        carriers.discard(merged.bodies[0].name)  # it hangs on no joint, so it cannot do without mass
+    for body in merged.bodies[1:] if base.kind == "fixed" else merged.bodies:
+        _check_mass(body, carriers, side, problems)
+    links = tuple(_link(body, side) for body in merged.bodies)
+    joints = tuple(_joint(joint, side) for joint in merged.joints)
+    actuators = place_actuators(side.actuators, merged)
+    sensors = place_sensors(side.sensors, merged)
+    touch = place_touch_links(side, merged, problems)
+    _note_home(joints, side, problems)
+    problems.raise_if_any()
+    model = RobotModel(
+        name=tree.name,
+        base=base.kind,
+        root=links[0].name,
+        links=links,
+        joints=joints,
+        actuators=actuators,
+        sensors=sensors,
+        touch_links=touch,
+        home=Home(height=base.height, joint_position=dict(side.joint_position)),
+        keepout=side.keepout,
+        timestep=side.timestep,
+        substeps=side.substeps,
+        collide_ground=base.kind != "planar" if side.collide_ground is None else side.collide_ground,
+        licence=side.licence,
+        notes=tuple(problems.notes),
+    )
+    return with_base(model, side)
+
+
+def _with_mass(link: TreeLink, side: SideFile, problems: Problems) -> TreeLink:
+    """Return `link` with mass properties from its collision shapes where the file gives none and a density is stated."""
+    if link.properties or not link.collisions or side.density is None:
+        return link
+    properties = of_solids([(shape.shape, shape.pose) for shape in link.collisions], side.density)
+    problems.note(
+        f"link {link.name!r} has no <inertial>: {properties.mass:.6g} kg from its collision shapes at "
+        f"{side.density:g} kg/m^3"
+    )
+    return replace(link, properties=properties)
+
+
+def _check_mass(body: Body, carriers: set[str], side: SideFile, problems: Problems) -> None:
+    """Report a moving body that no engine can move; only an empty one among the `carriers` of others may be massless."""
+    if body.properties.mass > 0.0:
+        if not positive_definite(body.properties.inertia):
+            problems.error(
+                body.place, f"link {body.name!r} moves but its inertia is zero about an axis: give all three"
+            )
+        return
+    if body.collisions:
+        problems.error(
+            body.place,
+            f"link {body.name!r} moves but has no <inertial>: add one, or state density = ... in {side.place} to "
+            "compute it from the collision shapes",
+        )
+    elif body.visuals or body.name not in carriers:
+        problems.error(
+            body.place,
+            f"link {body.name!r} moves but has neither <inertial> nor collision shapes to compute it from: add one",
+        )
+    else:
+        problems.note(f"link {body.name!r} is empty: it is a massless link between two joints")
+
+
+def _link(body: Body, side: SideFile) -> Link:
+    default = side.friction.get(DEFAULT, 1.0)
+    return Link(
+        name=body.name,
+        mass=body.properties.mass,
+        com=body.properties.com,
+        inertia=body.properties.inertia,
+        collisions=tuple(
+            Collision(
+                shape=written.shape,
+                pose=written.pose,
+                friction=side.friction.get(written.name, side.friction.get(link, default)),
+            )
+            for link, written in body.collisions
+        ),
+        visuals=body.visuals,
+    )
+
+
+def _joint(joint: TreeJoint, side: SideFile) -> Joint:
+    kind: JointKind = "prismatic" if joint.kind == "prismatic" else "continuous"
+    return Joint(
+        name=joint.name,
+        kind="revolute" if joint.kind == "revolute" else kind,
+        parent=joint.parent,
+        child=joint.child,
+        origin=joint.origin,
+        axis=joint.axis,
+        limits=joint.limits,
+        damping=joint.damping,
+        friction_loss=joint.friction_loss,
+        armature=side.armature.get(joint.name, side.armature.get(DEFAULT, 0.0)),
+        effort_limit=joint.effort_limit,
+        velocity_limit=joint.velocity_limit,
+    )
+
+
+def _note_home(joints: tuple[Joint, ...], side: SideFile, problems: Problems) -> None:
+    for joint in joints:
+        position = side.joint_position.get(joint.name, 0.0)
+        if joint.limits and not joint.limits[0] <= position <= joint.limits[1]:
+            lower, upper = joint.limits
+            problems.note(f"joint {joint.name!r} starts at {position:g}, outside its limits {lower:g}, {upper:g}")
