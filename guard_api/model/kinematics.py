@@ -167,7 +167,12 @@ def cross(a: Array, b: Array) -> Array:
     """Return a x b of vectors (3, ...), components first."""
     a0, a1, a2 = a
     b0, b1, b2 = b
-    return np.stack([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0])
+    x = a1 * b2
+    result = np.empty((3, *x.shape))
+    np.subtract(x, a2 * b1, out=result[0])
+    np.subtract(a2 * b0, a0 * b2, out=result[1])
+    np.subtract(a0 * b1, a1 * b0, out=result[2])
+    return result
 
 
 def rows_of(indices: Sequence[int] | NDArray[np.intp], *, broadcast: bool = False) -> Rows:

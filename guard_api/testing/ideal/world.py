@@ -101,6 +101,8 @@ class IdealWorld:
 
     def drive(self, group: str, position: Array, quaternion: Array) -> None:
         """Let the driven bodies of `group` reach (N, count, 3), (N, count, 4) by the end of the next `step`."""
+        if group not in [item.name for item in self.scene.groups if item.body.physics == "driven"]:
+            raise BackendError(f"{group!r} is no group of driven bodies")
         bodies = self.scene.body_slice(group)
         for name, target in (("target_position", position), ("target_quaternion", quaternion)):
             self._data[name] = self._data[name].copy()
