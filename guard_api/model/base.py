@@ -39,7 +39,7 @@ def resolve_base(tree: Tree, side: SideFile, problems: Problems) -> Base:
         if joint.kind in {"planar", "floating"}:
             problems.error(
                 joint.place,
-                f"joint {joint.name!r} is {joint.kind}: only the joint between a root link {WORLD!r} and the robot may be",
+                f"joint {joint.name!r} is {joint.kind}: only the first joint, below a link {WORLD!r}, may be",
             )
     if stated and side.base and stated != side.base:
         problems.error(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
 
@@ -31,18 +32,10 @@ def read_geometry(node: Element) -> Shape | None:
         geometry.error(f"<geometry> holds {len(shapes)} shapes: it must hold one")
         return None
     shape = shapes[0]
-    match shape.tag:
-        case "sphere":
-            return Sphere(radius=_length(shape, "radius"))
-        case "box":
-            x, y, z = (0.5 * side for side in _positive(shape, "size", 3))
-            return Box(half_extents=(x, y, z))
-        case "cylinder":
-            return Cylinder(radius=_length(shape, "radius"), half_length=0.5 * _length(shape, "length"))
-        case "capsule":
-            return Capsule(radius=_length(shape, "radius"), half_length=0.5 * _length(shape, "length"))
-        case "mesh":
-            return _mesh(shape, only_looked_at=node.tag == "visual")
+    if shape.tag == "mesh":
+        return _mesh(shape, only_looked_at=node.tag == "visual")
+    if shape.tag in _PRIMITIVES:
+        return _PRIMITIVES[shape.tag](shape)
     if node.tag == "collision":
         shape.error(f"<{shape.tag}> is no collision shape here: use sphere, box, cylinder, capsule or mesh")
     else:
@@ -79,16 +72,15 @@ def _hull_vertices(file: Path, modified: int, scale: Vector3) -> tuple[Vector3, 
     import trimesh  # noqa: PLC0415  takes a second to import, needed for meshes only
 
     try:
-        mesh = trimesh.load(file, force="mesh", process=False)
+        mesh = trimesh.load_mesh(file, process=False)
         points = np.asarray(mesh.vertices, float) * np.asarray(scale)
         if not np.isfinite(points).all():
             raise ValueError("it has vertices that are not finite")
         hull = trimesh.Trimesh(vertices=points, process=False).convex_hull
         corners = np.asarray(hull.vertices, float)
-    except Exception as error:  # noqa: BLE001  mesh loaders raise whatever their parsers meet
-        raise ValueError(
-            f"{type(error).__name__}: {str(error).strip().splitlines()[0] if str(error) else ''}"
-        ) from error
+    except Exception as error:  # mesh loaders raise whatever their parsers meet
+        reason = str(error).strip().partition("\n")[0]
+        raise ValueError(f"{type(error).__name__}: {reason}") from error
     return tuple(as_vector(corner) for corner in corners)
 
 
@@ -115,6 +107,11 @@ def _mesh(node: Element, *, only_looked_at: bool) -> Shape | None:
     return Mesh(vertices=vertices, source=filename)
 
 
+def _box(node: Element) -> Box:
+    x, y, z = _positive(node, "size", 3)
+    return Box(half_extents=(0.5 * x, 0.5 * y, 0.5 * z))
+
+
 def _length(node: Element, name: str) -> float:
     return _positive(node, name, 1)[0]
 
@@ -131,3 +128,11 @@ def _positive(node: Element, name: str, size: int) -> tuple[float, ...]:
 
 def _plain(values: tuple[float, ...]) -> str:
     return " ".join(f"{value:g}" for value in values)
+
+
+_PRIMITIVES: dict[str, Callable[[Element], Shape]] = {
+    "sphere": lambda node: Sphere(radius=_length(node, "radius")),
+    "box": _box,
+    "cylinder": lambda node: Cylinder(radius=_length(node, "radius"), half_length=0.5 * _length(node, "length")),
+    "capsule": lambda node: Capsule(radius=_length(node, "radius"), half_length=0.5 * _length(node, "length")),
+}

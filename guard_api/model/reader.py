@@ -38,7 +38,7 @@ def read_robot(urdf: Path, side_file: Path | None = None, *, name: str | None = 
 
 
 def build_robot(tree: Tree, side: SideFile, problems: Problems) -> RobotModel:
-    """Return the robot that `tree` and `side` describe. Raises ModelError with all `problems`, earlier ones included."""
+    """Return the robot that `tree` and `side` describe. Raises ModelError with all `problems`, old ones included."""
     check_references(tree, side, problems)
     in_order = ordered(tree, problems)
     if in_order is None:
@@ -79,7 +79,7 @@ def build_robot(tree: Tree, side: SideFile, problems: Problems) -> RobotModel:
 
 
 def _with_mass(link: TreeLink, side: SideFile, problems: Problems) -> TreeLink:
-    """Return `link` with mass properties from its collision shapes where the file gives none and a density is stated."""
+    """Return `link`, with mass properties from its collision shapes if it has none and a density is stated."""
     if link.properties or not link.collisions or side.density is None:
         return link
     properties = of_solids([(shape.shape, shape.pose) for shape in link.collisions], side.density)
@@ -91,12 +91,10 @@ def _with_mass(link: TreeLink, side: SideFile, problems: Problems) -> TreeLink:
 
 
 def _check_mass(body: Body, carriers: set[str], side: SideFile, problems: Problems) -> None:
-    """Report a moving body that no engine can move; only an empty one among the `carriers` of others may be massless."""
+    """Report a moving body that no engine can move; only empty `carriers` of other bodies may be massless."""
     if body.properties.mass > 0.0:
         if not positive_definite(body.properties.inertia):
-            problems.error(
-                body.place, f"link {body.name!r} moves but its inertia is zero about an axis: give all three"
-            )
+            problems.error(body.place, f"link {body.name!r} moves, but its inertia is zero about an axis: give all")
         return
     if body.collisions:
         problems.error(

@@ -1,4 +1,6 @@
-"""`robot.toml`: what a robot file cannot say. Every key, with its default:
+"""Reads `robot.toml`: what a robot file cannot say.
+
+Every key, with its default or an example:
 
     licence = ""               # SPDX expression, such as "CC0-1.0"
     keepout = 0.4              # radius kept free around the robot in layouts [m]

@@ -42,7 +42,7 @@ class TreeJoint:
     parent: str
     child: str
     place: str
-    origin: Pose = Pose()
+    origin: Pose
     axis: Vector3 = (1.0, 0.0, 0.0)
     limits: tuple[float, float] | None = None
     damping: float = 0.0

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
-from typing import cast, get_args
+from typing import TypeAlias, cast, get_args
 
 import numpy as np
 
@@ -22,9 +23,8 @@ HEAVIEST = 1e5
 """Mass [kg] beyond which a link is noted as probably given in another unit."""
 
 _LIMITED = {"revolute", "prismatic"}
-_DEFAULT_RGBA = Visual.__dataclass_fields__["rgba"].default
 
-Rgba = tuple[float, float, float, float]
+Rgba: TypeAlias = tuple[float, float, float, float]
 
 
 def read_urdf(path: Path, problems: Problems) -> Tree | None:
@@ -39,7 +39,9 @@ def read_urdf(path: Path, problems: Problems) -> Tree | None:
         root.error(f"the outermost element is <{root.tag}>: a URDF begins with <robot name=...>")
         return None
     check_vocabulary(root, problems)
-    colours = {node.attributes.get("name", ""): _rgba(node) for node in root.children("material")}
+    colours: dict[str, Rgba | None] = {
+        node.attributes.get("name", ""): _rgba(node) for node in root.children("material")
+    }
     tree = Tree(
         name=root.text("name"),
         links=tuple(_link(node, colours) for node in root.children("link")),
@@ -50,7 +52,7 @@ def read_urdf(path: Path, problems: Problems) -> Tree | None:
     return tree
 
 
-def _link(node: Element, colours: dict[str, Rgba]) -> TreeLink:
+def _link(node: Element, colours: dict[str, Rgba | None]) -> TreeLink:
     inertial = node.child("inertial")
     return TreeLink(
         name=node.text("name"),
@@ -85,29 +87,32 @@ def _collision(node: Element) -> TreeCollision | None:
     return TreeCollision(name=node.attributes.get("name", ""), shape=shape, pose=pose) if shape else None
 
 
-def _visual(node: Element, colours: dict[str, Rgba]) -> Visual | None:
+def _visual(node: Element, colours: dict[str, Rgba | None]) -> Visual | None:
     shape, pose, material = read_geometry(node), _origin(node), node.child("material")
     if shape is None:
         return None
+    visual = Visual(shape=shape, pose=pose)
     if material is None:
-        return Visual(shape=shape, pose=pose)
+        return visual
     name = material.attributes.get("name", "")
-    if material.child("color"):
-        colours.setdefault(name, _rgba(material))
-        return Visual(shape=shape, pose=pose, rgba=_rgba(material))
-    if name not in colours:
-        material.note(f"material {name!r} has no colour anywhere: the default is used")
-    return Visual(shape=shape, pose=pose, rgba=colours.get(name, _DEFAULT_RGBA))
+    rgba = _rgba(material) or colours.get(name)
+    if name:
+        colours.setdefault(name, rgba)  # a later visual may use the material by its name
+    if rgba is None:
+        material.note(f"material {name!r} has no colour up to here: the default is used")
+        return visual
+    return replace(visual, rgba=rgba)
 
 
-def _rgba(material: Element) -> Rgba:
+def _rgba(material: Element) -> Rgba | None:
     color = material.child("color")
     if color is None:
-        return _DEFAULT_RGBA
-    r, g, b, a = color.vector("rgba", 4, _DEFAULT_RGBA)
+        return None
+    r, g, b, a = color.vector("rgba", 4)
     if min(r, g, b, a) < 0.0 or max(r, g, b, a) > 1.0:
         color.note("colours lie between 0 and 1: rgba is clipped")
-    return tuple(min(max(value, 0.0), 1.0) for value in (r, g, b, a))  # type: ignore[return-value]
+    r, g, b, a = (min(max(value, 0.0), 1.0) for value in (r, g, b, a))
+    return r, g, b, a
 
 
 def _origin(node: Element) -> Pose:
@@ -221,13 +226,15 @@ def _limits(node: Element, kind: TreeJointKind, name: str) -> tuple[float, float
 def _bounds(node: Element, name: str) -> tuple[float, float]:
     """Return effort and velocity limit; infinite where the file gives none."""
     limit = node.child("limit")
-    bounds = {"effort": math.inf, "velocity": math.inf}
-    for key in bounds:
-        if limit is None or key not in limit.attributes:
-            continue
-        bounds[key] = limit.number(key)
-        if bounds[key] < 0.0:
-            limit.error(f"joint {name!r}: {key} limit {bounds[key]:g} must not be negative")
-        if bounds[key] == 0.0:
-            limit.note(f"joint {name!r}: {key} limit is 0, so nothing can drive it; leave {key} out if it is unknown")
-    return bounds["effort"], bounds["velocity"]
+    return _bound(limit, "effort", name), _bound(limit, "velocity", name)
+
+
+def _bound(limit: Element | None, key: str, name: str) -> float:
+    if limit is None or key not in limit.attributes:
+        return math.inf
+    value = limit.number(key)
+    if value < 0.0:
+        limit.error(f"joint {name!r}: {key} limit {value:g} must not be negative")
+    if value == 0.0 and key == "effort":
+        limit.note(f"joint {name!r}: its effort limit is 0, so nothing can drive it; leave it out if it is unknown")
+    return value
