@@ -1,0 +1,187 @@
+"""N worlds of one scene, stepped together by MuJoCo's batch."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch, SimulationError
+from numpy.typing import NDArray
+
+from guard_api.errors import BackendError
+from guard_api.physics.state import Array, Inspection, Mask, Start, State
+from guard_mujoco.compile import CompiledScene
+from guard_mujoco.diagnostics import redirect_warnings
+from guard_mujoco.driven import DrivenBodies
+from guard_mujoco.inspection import inspect
+from guard_mujoco.placement import Rows, check_start, place
+from guard_mujoco.readout import EffortReadout, Readout
+from guard_mujoco.snapshot import fingerprint, pack, unpack
+
+_NONE, _VEL = mujoco.mjtStage.mjSTAGE_NONE.value, mujoco.mjtStage.mjSTAGE_VEL.value
+_COUNT = 1
+"""Column of a warning counter that counts; the other one is its last information."""
+
+
+class MuJoCoWorld:
+    """A `guard_api.physics.backend.World`.
+
+    The engine keeps one MjData per world, so that the positions and velocities computed for `state` are the first half
+    of the next step and cost nothing extra. A world that fails returns to its last finite state and stays there.
+    """
+
+    def __init__(self, compiled: CompiledScene, num_worlds: int, threads: int) -> None:
+        redirect_warnings()
+        self.scene = compiled.scene
+        self.num_worlds = num_worlds
+        self.approximations = compiled.approximations
+        self._compiled = compiled
+        self._engine: Batch | None = Batch(compiled.model, num_worlds, threads, persistent=True)
+        self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
+        self._ctrl, self._time = self._batch.bind("ctrl"), self._batch.bind("time")
+        self._readout = Readout(compiled, self._batch)
+        self._efforts = EffortReadout(compiled, self._batch)
+        self._driven = DrivenBodies(compiled, self._batch)
+        self._ok = np.ones(num_worlds, bool)
+        self._effort = np.zeros((num_worlds, len(compiled.joint_dof)))
+        self._touch = np.zeros((num_worlds, compiled.contact.num_touch))
+        self._body_contact = np.zeros((num_worlds, self.scene.num_bodies), bool)
+        self._recorded = np.empty((num_worlds, 0, compiled.model.nsensordata))
+        self._identity = fingerprint(compiled.model, num_worlds)
+        self._current = False  # whether the engine's positions and velocities are those of the state rows
+
+    def reset(self, mask: Mask, start: Start) -> None:
+        """Start the masked worlds from the rows of `start`; see `World.reset`.
+
+        Worlds whose start is not finite are not `ok` and stand at the model's own initial state.
+        Raises BackendError for a start in motion of what cannot move by itself.
+        """
+        rows = np.flatnonzero(mask)
+        if not len(rows):
+            return
+        check_start(self._compiled, start, rows)
+        self._batch.reset(rows, stage=_NONE)
+        place(self._compiled, self._batch, start, rows)
+        self._ok[rows] = np.isfinite(self._batch.state[rows]).all(axis=1)
+        self._batch.reset(rows[~self._ok[rows]], stage=_NONE)
+        self._driven.hold(rows)
+        for summary in (self._effort, self._touch, self._body_contact):
+            summary[rows] = 0
+        self._batch.forward(rows, stage=_VEL)
+
+    def step(self, control: NDArray[np.floating], substeps: int) -> None:
+        """Advance all worlds by `substeps` timesteps under `control` (N, U); see `World.step`.
+
+        Raises BackendError for fewer than one substep.
+        """
+        if substeps < 1:
+            raise BackendError(f"substeps={substeps}: must be at least 1")
+        self._ok &= np.isfinite(control).all(axis=1)
+        rows = np.flatnonzero(self._ok)
+        before = self._batch.state.copy()
+        self._ctrl[rows] = control[rows]
+        if self._driven.any:
+            self._driven.launch(rows, substeps * self.scene.timestep)
+        self._advance(rows, substeps)
+        self._freeze_failed(rows, before)
+
+    def drive(self, group: str, position: Array, quaternion: Array) -> None:
+        """Let the driven bodies of `group` reach the poses by the end of the next `step`; see `World.drive`."""
+        self._driven.aim(group, position, quaternion)
+
+    def state(self) -> State:
+        """Return the present state; see `World.state`."""
+        if not self._current:
+            self._batch.forward(stage=_VEL)
+            self._current = True
+        q = self._qpos[:, self._compiled.joint_qpos]
+        qd = self._qvel[:, self._compiled.joint_dof]
+        links, bodies = self._readout.read(q, qd)
+        return State(
+            time=self._time.copy(),
+            joint_position=q,
+            joint_velocity=qd,
+            joint_effort=self._effort.copy(),
+            link_position=links.position,
+            link_quaternion=links.quaternion,
+            link_linear_velocity=links.linear,
+            link_angular_velocity=links.angular,
+            body_position=bodies.position,
+            body_quaternion=bodies.quaternion,
+            body_linear_velocity=bodies.linear,
+            body_angular_velocity=bodies.angular,
+            body_contact=self._body_contact.copy(),
+            touch=self._touch.copy(),
+            ok=self._ok.copy(),
+        )
+
+    def snapshot(self) -> bytes:
+        """Return all worlds' states, the solver's warm start included, as bytes for `restore`."""
+        return pack(self._identity, self._everything())
+
+    def restore(self, blob: bytes) -> None:
+        """Return to a snapshot. Raises BackendError when it is not one of an equal world."""
+        unpack(blob, self._identity, self._everything())
+        self._batch.warning[...] = 0
+        self._current = False
+
+    def inspect(self, world: int) -> Inspection:
+        """Return what the engine holds for one world; see `World.inspect`."""
+        return inspect(self._compiled, self._batch.get_model(world), self._batch.get_data(world))
+
+    def step_raw(self, substeps: int) -> None:
+        """Step the bare engine under the last control, reading nothing back; see `World.step_raw`."""
+        self._batch.step(nstep=substeps)
+        self._current = False
+
+    def close(self) -> None:
+        """Release the engine; calling it twice is allowed."""
+        self._engine = None
+
+    @property
+    def _batch(self) -> Batch:
+        if self._engine is None:
+            raise BackendError("this world is closed: build another one")
+        return self._engine
+
+    def _advance(self, rows: Rows, substeps: int) -> None:
+        """Step the worlds `rows` and bring positions and velocities up to date; note what their sensors felt."""
+        ids = None if len(rows) == self.num_worlds else rows
+        if not self._compiled.contact.any:
+            self._attempt(lambda: self._batch.step(ids, nstep=substeps, stage=_VEL))
+            return
+        shape = (len(rows), substeps, self._compiled.model.nsensordata)
+        if self._recorded.shape != shape:
+            self._recorded = np.empty(shape)
+        out = {"sensordata": self._recorded}
+        self._attempt(lambda: self._batch.rollout(substeps, record=("sensordata",), ids=ids, out=out))
+        self._attempt(lambda: self._batch.forward(ids, stage=_VEL))
+
+    def _attempt(self, call: Callable[[], object]) -> None:
+        """Run one call of the engine; the worlds in which it raises an error are no longer `ok`."""
+        try:
+            call()
+        except SimulationError as error:
+            self._ok[error.ids] = False
+
+    def _freeze_failed(self, rows: Rows, before: Array) -> None:
+        """Put worlds whose numbers went wrong back to `before`, and take over what the others' step reports."""
+        batch = self._batch
+        # Each of the engine's warnings means that it left out or invented something; a sum is finite if its terms are.
+        sound = np.isfinite(batch.state[rows].sum(axis=1)) & ~batch.warning[rows, :, _COUNT].any(axis=1)
+        self._ok[rows] &= sound
+        good = self._ok[rows]
+        if not good.all():
+            failed = rows[~good]
+            batch.state[failed] = before[failed]
+            batch.forward(failed, stage=_VEL)
+        self._effort[rows[good]] = self._efforts.read()[rows[good]]
+        if self._compiled.contact.any:
+            touch, body_contact = self._compiled.contact.read(self._recorded[good])
+            self._touch[rows[good]], self._body_contact[rows[good]] = touch, body_contact
+
+    def _everything(self) -> list[NDArray]:
+        """Return the arrays that are the worlds' state; writing into them changes it."""
+        summaries = (self._effort, self._touch, self._body_contact)
+        return [self._batch.state, self._ok, self._driven.target, *summaries]
