@@ -1,7 +1,7 @@
-"""The seam between GUARD and a simulator: a `Backend` builds a `World` from a scene. Clauses C1-C12 are tested by
-`guard_api.testing.conformance`; a plugin is done when `guard conform --backend NAME` passes.
+"""The seam between GUARD and a simulator: a `Backend` builds a `World` from a scene.
 
-Nothing here knows a simulator. A plugin is found through the entry-point group `guard.backends` (`guard_api.plugins`).
+Clauses C1-C12 are tested by `guard_api.testing.conformance`; a plugin is done when `guard conform --backend NAME`
+passes. Nothing here knows a simulator. A plugin is found through the entry-point group `guard.backends` (`guard_api.plugins`).
 """
 
 from __future__ import annotations
@@ -60,8 +60,10 @@ class World(Protocol):
         ...
 
     def drive(self, group: str, position: Array, quaternion: Array) -> None:
-        """Let the driven bodies of `group` reach `position` (N, count, 3), `quaternion` (N, count, 4) by the end of the
-        next `step`, moving at constant velocity, which they pass on to what they push."""
+        """Send the driven bodies of `group` to `position` (N, count, 3), `quaternion` (N, count, 4).
+
+        They arrive at the end of the next `step`, moving at constant velocity, which they pass on to what they push.
+        """
         ...
 
     def state(self) -> State:

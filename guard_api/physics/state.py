@@ -55,7 +55,8 @@ class Start:
 
     base_*: pose and velocity of the first link, (N, 3), (N, 4), (N, 3), (N, 3); for a fixed base the velocities must be
     zero; for a planar base the pose must be the identity, since its joints hold it (see `guard_api.scene.start`).
-    joint_position, joint_velocity: (N, J). body_*: as in `State`; the velocities of static and driven bodies must be zero.
+    joint_position, joint_velocity: (N, J).
+    body_*: as in `State`; the velocities of static and driven bodies must be zero.
     """
 
     base_position: Array

@@ -35,9 +35,7 @@ class Snapshot:
 
     def in_robot_frame(self, vectors: Array) -> Array:
         """Return world vectors `(N, K, 3)` in the axes of the root link: `(N, K, 3)`."""
-        # Three products instead of a matrix product: the same bits for a world whatever N is.
-        R = self.rotation[:, None]
-        return vectors[..., 0:1] * R[..., 0, :] + vectors[..., 1:2] * R[..., 1, :] + vectors[..., 2:3] * R[..., 2, :]
+        return in_frame(self.rotation, vectors)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,6 +49,13 @@ class Transition:
     now: Snapshot
     action: Array
     duration: float
+
+
+def in_frame(rotation: Array, vectors: Array) -> Array:
+    """Return world vectors `(N, K, 3)` in the axes of frames with `rotation` `(N, 3, 3)`: `(N, K, 3)`."""
+    # Three products instead of a matrix product: the same bits for a world whatever N is.
+    R = rotation[:, None]
+    return vectors[..., 0:1] * R[..., 0, :] + vectors[..., 1:2] * R[..., 1, :] + vectors[..., 2:3] * R[..., 2, :]
 
 
 def rotation_matrices(quaternion: Array) -> Array:

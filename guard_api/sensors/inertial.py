@@ -15,7 +15,7 @@ from guard_api import rotations
 from guard_api.conventions import GRAVITY, MAGNETIC_FIELD
 from guard_api.model.robot import RobotModel, Sensor, SensorKind
 from guard_api.physics.state import State
-from guard_api.physics.transition import Array, Transition
+from guard_api.physics.transition import Array, Transition, in_frame, rotation_matrices
 from guard_api.shapes import IDENTITY, ORIGIN
 
 _GRAVITY: Final = np.array(GRAVITY)
@@ -23,11 +23,13 @@ _MAGNETIC: Final = np.array(MAGNETIC_FIELD)
 
 
 class InertialSensors:
-    """The inertial sensors of one robot, compiled; `read` is pure."""
+    """The inertial sensors of one robot, grouped by link so that each link's frame is applied once; `read` is pure."""
 
     def __init__(self, robot: RobotModel) -> None:
-        self.sensors = robot.sensors
-        self._link = [robot.link_index(sensor.link) for sensor in robot.sensors]
+        self._root = robot.link_index(robot.root)
+        self._on_link: dict[int, list[Sensor]] = {}
+        for sensor in robot.sensors:
+            self._on_link.setdefault(robot.link_index(sensor.link), []).append(sensor)
 
     def read(self, t: Transition) -> dict[str, Array]:
         """Return every sensor's reading by name, each (N, 3) in the axes of its site.
@@ -35,15 +37,17 @@ class InertialSensors:
         accelerometer [m/s^2], (0, 0, 9.81) at rest upright; velocimeter [m/s]; gyro [rad/s]; magnetometer.
         """
         readings: dict[str, Array] = {}
-        frames: dict[int, Array] = {}
-        for sensor, link in zip(self.sensors, self._link, strict=True):
-            if link not in frames:
-                frames[link] = rotations.conjugate(t.now.state.link_quaternion[:, link])
-            vector = _WORLD_VECTOR[sensor.kind](t, sensor, link)
-            reading = rotations.rotate(frames[link], vector)
-            if sensor.pose.quaternion != IDENTITY:
-                reading = rotations.unrotate(sensor.pose.quaternion, reading)
-            readings[sensor.name] = reading
+        for link, sensors in self._on_link.items():
+            world = np.empty((len(t.now.position), len(sensors), 3))
+            for i, sensor in enumerate(sensors):
+                world[:, i] = _WORLD_VECTOR[sensor.kind](t, sensor, link)
+            at_root = link == self._root
+            rotation = t.now.rotation if at_root else rotation_matrices(t.now.state.link_quaternion[:, link])
+            local = in_frame(rotation, world)
+            for i, sensor in enumerate(sensors):
+                turned = sensor.pose.quaternion != IDENTITY
+                reading = local[:, i]
+                readings[sensor.name] = rotations.unrotate(sensor.pose.quaternion, reading) if turned else reading
         return readings
 
 
@@ -71,8 +75,8 @@ def _angular_velocity(t: Transition, sensor: Sensor, link: int) -> Array:
 
 
 def _magnetic_field(t: Transition, sensor: Sensor, link: int) -> Array:
-    del sensor, link  # the field is the same everywhere
-    return np.broadcast_to(_MAGNETIC, t.now.position.shape)
+    del t, sensor, link  # the field is the same everywhere
+    return _MAGNETIC
 
 
 _WORLD_VECTOR: Final[dict[SensorKind, Callable[[Transition, Sensor, int], Array]]] = {
