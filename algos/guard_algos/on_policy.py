@@ -1,0 +1,227 @@
+"""The training loop of every on-policy algorithm: collect whole episodes, improve the policy, fit the critics."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from guard_algos import checkpoint, constraints
+from guard_algos.batch import Batch, make_batch
+from guard_algos.config import CostLimits, OnPolicyConfig
+from guard_algos.constraints import Constraint
+from guard_algos.critics import Critic
+from guard_algos.finite import NotFiniteError
+from guard_algos.gaussian import GaussianPolicy
+from guard_algos.networks import Mlp
+from guard_algos.policy import TrainedPolicy, load_policy
+from guard_algos.rollout import collect
+from guard_api.algorithm import TrainingJob
+from guard_api.errors import GuardError, SpecError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Problem:
+    """What a method may know of the environment and the training.
+
+    constraints: those of the config. generator: for the initial parameters of a method's own networks.
+    """
+
+    observation_size: int
+    action_size: int
+    constraints: tuple[Constraint, ...]
+    generator: torch.Generator
+
+
+class Method:
+    """What one algorithm adds to the loop: how a batch improves the policy."""
+
+    def improve(self, policy: GaussianPolicy, theta: Tensor, batch: Batch) -> dict[str, float]:
+        """Move the policy's parameters theta (P,) in place; return the method's columns of the log."""
+        raise NotImplementedError
+
+    def tensors(self) -> dict[str, Tensor]:
+        """Return the live state that the method learns; a checkpoint saves it and writes it back in place."""
+        return {}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OnPolicyAlgorithm:
+    """An algorithm plugin: its name, its options and its method, on the shared loop."""
+
+    name: str
+    config_type: type[OnPolicyConfig]
+    method: Callable[[Any, Problem], Method]
+
+    def train(self, job: TrainingJob) -> bool:
+        """Train until `job.total_steps`; return whether they were reached.
+
+        Raises SpecError for options that do not fit the environment, RunError for a checkpoint that cannot be resumed,
+        and GuardError naming epoch and quantity for a number that is not finite (earlier checkpoints stay).
+        """
+        if job.total_steps < 1:
+            raise SpecError(f"total_steps = {job.total_steps}: must be at least 1")
+        with _threads(job.config.threads), torch.no_grad():
+            training = _Training(self, job)
+            if job.resume:
+                training.resume()
+            return training.run()
+
+    def load_policy(self, checkpoint: Path, seed: int = 0) -> TrainedPolicy:
+        """Load the policy of one checkpoint; `seed` is that of its samples. Raises RunError when it is not usable."""
+        return load_policy(checkpoint, self.name, seed)
+
+
+class _Training:
+    """One training's whole state between two epochs, and the epoch.
+
+    An epoch is `rounds` episodes of every world, the fewest that hold `steps_per_epoch` steps, so no simulator state
+    crosses from one epoch to the next and every checkpoint falls between episodes. Where a world fails within one, it
+    goes on with its next episode; the one that the end of the epoch cuts is learned from, but not counted.
+    """
+
+    def __init__(self, algorithm: OnPolicyAlgorithm, job: TrainingJob) -> None:
+        env = job.env
+        config: OnPolicyConfig = job.config
+        self._algorithm, self._job, self._config = algorithm, job, config
+        self._rounds = math.ceil(config.steps_per_epoch / (env.num_worlds * env.episode_length))
+        self._epoch_steps = self._rounds * env.num_worlds * env.episode_length
+        # Samples have a generator of their own, so that they do not depend on how many networks an algorithm has.
+        initial, self._generator = (torch.Generator().manual_seed(seed) for seed in _seeds(job.seed))
+        sizes = (env.observation_size, *config.hidden)
+        self._policy = GaussianPolicy(Mlp((*sizes, env.action_size)))
+        self._theta = self._policy.init(initial, config.initial_log_std)
+        self._constraints = constraints.resolve(config, env.cost_names) if isinstance(config, CostLimits) else ()
+        names = ["value", *(f"cost_value_{constraint.name}" for constraint in self._constraints)]
+        self._critics = {name: Critic(Mlp((*sizes, 1)), initial, config.value_learning_rate) for name in names}
+        self._method = algorithm.method(
+            config,
+            Problem(
+                observation_size=env.observation_size,
+                action_size=env.action_size,
+                constraints=self._constraints,
+                generator=initial,
+            ),
+        )
+        self._epoch, self._total_steps, self._cumulative_cost = 0, 0, 0.0
+
+    def run(self) -> bool:
+        """Train epoch by epoch; return whether the job's steps were reached."""
+        epochs = math.ceil(self._job.total_steps / self._epoch_steps)
+        while self._epoch < epochs:
+            try:
+                row = self._train_epoch()
+            except NotFiniteError as error:
+                raise GuardError(
+                    f"training stopped in epoch {self._epoch + 1}: {error}; the last good checkpoint is "
+                    f"{self._job.run.last_checkpoint() or 'none'}: check the environment, or lower value_learning_rate"
+                ) from error
+            self._job.run.log(row)
+            self._job.report(row)
+            stop = self._job.should_stop()
+            if stop or self._epoch == epochs or self._epoch % self._config.checkpoint_every == 0:
+                self._save()
+            if stop:
+                return self._epoch == epochs
+        return True
+
+    def _train_epoch(self) -> dict[str, float]:
+        begin = perf_counter()
+        rollout = collect(
+            self._job.env,
+            self._act,
+            episode=self._epoch * self._rounds,
+            num_steps=self._rounds * self._job.env.episode_length,
+            generator=self._generator,
+        )
+        collected = perf_counter()
+        batch = make_batch(
+            rollout,
+            self._policy,
+            self._theta,
+            list(self._critics.values()),
+            self._constraints,
+            self._config,
+        )
+        learned = self._method.improve(self._policy, self._theta, batch) | self._fit_critics(batch)
+        done = perf_counter()
+        self._epoch += 1
+        self._total_steps += self._epoch_steps
+        self._cumulative_cost += float(rollout.costs.sum())
+        return {
+            "epoch": float(self._epoch),
+            "total_steps": float(self._total_steps),
+            "epoch_steps": float(self._epoch_steps),
+            **batch.episodes.row(self._job.env.cost_names),
+            "violation_rate": float((rollout.costs > 0).any(axis=-1).mean()),
+            "cost_rate": self._cumulative_cost / self._total_steps,
+            "diverged": float(rollout.diverged),
+            "entropy": self._policy.entropy(self._theta),
+            "reward_advantage_std": batch.reward_advantage_std,
+            **learned,
+            "time_rollout": collected - begin,
+            "time_update": done - collected,
+            "steps_per_second": self._epoch_steps / (done - begin),
+        }
+
+    def _act(self, observation: Tensor, noise: Tensor) -> Tensor:
+        return self._policy.act(self._theta, observation, noise)
+
+    def _fit_critics(self, batch: Batch) -> dict[str, float]:
+        row = {}
+        for (name, critic), target in zip(self._critics.items(), batch.targets.T.contiguous(), strict=True):
+            before, after = critic.fit(batch.observation, target, self._config.value_iterations)
+            row |= {f"{name}_loss_before": before, f"{name}_loss_after": after}
+        return row
+
+    def _save(self) -> None:
+        state = checkpoint.TrainingState(
+            algorithm=self._algorithm.name,
+            policy_sizes=self._policy.network.sizes,
+            job=checkpoint.identity(self._job),
+            epoch=self._epoch,
+            total_steps=self._total_steps,
+            cumulative_cost=self._cumulative_cost,
+        )
+        tensors = checkpoint.to_arrays(self._tensors(), self._generator)
+        self._job.run.save_checkpoint(self._epoch, tensors, state.to_json())
+
+    def resume(self) -> None:
+        """Go back to the last checkpoint, or to the start where the run was stopped before its first one."""
+        path = self._job.run.last_checkpoint()
+        if path is not None:
+            state = checkpoint.restore(path, self._algorithm.name, self._job, self._tensors(), self._generator)
+            self._epoch, self._total_steps = state.epoch, state.total_steps
+            self._cumulative_cost = state.cumulative_cost
+        self._job.run.truncate_log(self._epoch)
+
+    def _tensors(self) -> dict[str, Tensor]:
+        """Return everything that is learned, live."""
+        parts = {f"critic.{name}": critic.tensors() for name, critic in self._critics.items()}
+        parts["method"] = self._method.tensors()
+        nested = {f"{part}.{key}": tensor for part, tensors in parts.items() for key, tensor in tensors.items()}
+        return {checkpoint.POLICY: self._theta} | nested
+
+
+def _seeds(seed: int) -> list[int]:
+    """Return two independent seeds made of one."""
+    return [int(word) for word in np.random.SeedSequence(seed).generate_state(2)]
+
+
+@contextmanager
+def _threads(count: int) -> Iterator[None]:
+    """Give PyTorch `count` threads for a while: results depend on it, so it must not depend on the machine."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(count)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)

@@ -1,0 +1,86 @@
+"""Collecting one epoch of experience: whole episodes of every world of the batched environment."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from guard_algos.finite import finite
+
+if TYPE_CHECKING:
+    from guard_api.env import Environment
+
+Act: TypeAlias = Callable[[Tensor, Tensor], Tensor]
+"""From observations (N, O) and standard normal noise (N, A) to actions (N, A)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rollout:
+    """T steps of N worlds, in order.
+
+    observation: (T, N, O) float32, before the step. action: (T, N, A) float32, as sampled; the environment clips it.
+    reward: (T, N). costs: (T, N, C). success, terminated, ended: (T, N) bool; an episode ended by failure, or at all.
+    last: (E,) flat indices t N + i of the steps whose episode goes on, but not in the next row: it was truncated or the
+    rollout ended. last_observation: (E, O) float32, the true observation after those steps, for a bootstrap.
+    diverged: number of worlds whose physics failed.
+    """
+
+    observation: Tensor
+    action: Tensor
+    reward: NDArray[np.float64]
+    costs: NDArray[np.float64]
+    success: NDArray[np.bool_]
+    terminated: NDArray[np.bool_]
+    ended: NDArray[np.bool_]
+    last: NDArray[np.intp]
+    last_observation: Tensor
+    diverged: int
+
+
+def collect(env: Environment, act: Act, *, episode: int, num_steps: int, generator: torch.Generator) -> Rollout:
+    """Start every world at index `episode` and take `num_steps` steps, going on with the next episode where one ends.
+
+    Raises NotFiniteError for an observation, reward or cost that is not finite in single precision.
+    """
+    T, N = num_steps, env.num_worlds
+    observation = torch.empty(T, N, env.observation_size)
+    action = torch.empty(T, N, env.action_size)
+    noise = torch.randn(T, N, env.action_size, generator=generator)
+    reward, costs = np.empty((T, N)), np.empty((T, N, len(env.cost_names)))
+    success, terminated, ended = (np.empty((T, N), bool) for _ in range(3))
+    last = [np.empty(0, np.intp)]
+    last_observation = [np.empty((0, env.observation_size))]
+    diverged = 0
+    now = env.reset(episode=episode)
+    for t in range(T):
+        observation[t] = finite(torch.from_numpy(now).float(), "observation")
+        action[t] = act(observation[t], noise[t])
+        step = env.step(action[t].double().numpy())
+        now = step.observation
+        reward[t], costs[t], success[t] = step.reward, step.costs, step.success
+        terminated[t], ended[t] = step.terminated, step.terminated | step.truncated
+        diverged += len(step.failures)
+        cut = ~step.terminated if t == T - 1 else step.truncated & ~step.terminated
+        if cut.any():
+            last.append(t * N + np.flatnonzero(cut))
+            last_observation.append(step.final_observation[cut])
+    finite(torch.from_numpy(reward), "reward")
+    finite(torch.from_numpy(costs), "cost")
+    return Rollout(
+        observation=observation,
+        action=action,
+        reward=reward,
+        costs=costs,
+        success=success,
+        terminated=terminated,
+        ended=ended,
+        last=np.concatenate(last),
+        last_observation=finite(torch.from_numpy(np.concatenate(last_observation)).float(), "last observation"),
+        diverged=diverged,
+    )

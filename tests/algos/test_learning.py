@@ -1,0 +1,70 @@
+"""The constrained algorithms find the known optimum of a constrained problem; the unconstrained one its own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from guard_algos import cpo, trpo, trpo_lagrangian
+from guard_api.runs.directory import RunDirectory
+from tests.algos.bandit import Bandit, final_policy, train
+
+LENGTH = 20
+FAST = {
+    "steps_per_epoch": 2000,
+    "hidden": (8,),
+    "gamma": 0.0,
+    "value_iterations": 5,
+    "value_learning_rate": 0.02,
+    "threads": 1,
+}
+
+
+def per_step(policy, scale: float = 1.0) -> tuple[float, float]:
+    """Expected reward and cost of one step under the stochastic policy, from many samples without the noise."""
+    observation = 0.1 * np.random.default_rng(1).standard_normal((20_000, 2))
+    action = policy.act(observation, deterministic=False)[:, 0]
+    return float(np.mean(1 - (action - 1) ** 2)), float(scale * np.mean(action**2))
+
+
+def test_trpo_ignores_costs_and_finds_the_unconstrained_optimum(tmp_path: Path) -> None:
+    config = trpo.algorithm.config_type(**FAST)
+    train(trpo.algorithm, Bandit(50, LENGTH, {"a": 1.0}), tmp_path, config, 80_000)
+    reward, cost = per_step(final_policy(trpo.algorithm, tmp_path))
+    assert reward > 0.95
+    assert cost > 0.8
+
+
+@pytest.mark.parametrize("named", [False, True])
+def test_cpo_reaches_the_limit_and_the_optimal_return(tmp_path: Path, named: bool) -> None:
+    # Costs a^2 and a^2 / 4: limits 0.25 and 1 per step. Summed, the limit is 0.3125 on 1.25 a^2: the same optimum.
+    limits = {"cost_limits": {"b": 1.0 * LENGTH, "a": 0.25 * LENGTH}} if named else {"cost_limit": 0.3125 * LENGTH}
+    config = cpo.CpoConfig(**FAST, **limits)
+    train(cpo.algorithm, Bandit(50, LENGTH, {"a": 1.0, "b": 0.25}), tmp_path, config, 160_000)
+    reward, cost = per_step(final_policy(cpo.algorithm, tmp_path))
+    assert cost == pytest.approx(0.25, rel=0.1)
+    assert reward == pytest.approx(0.75, rel=0.05)
+
+
+def test_trpo_lagrangian_reaches_the_limit_the_optimal_return_and_the_dual_value(tmp_path: Path) -> None:
+    config = trpo_lagrangian.TrpoLagrangianConfig(**FAST, cost_limit=0.25 * LENGTH, multiplier_rate=0.01)
+    train(trpo_lagrangian.algorithm, Bandit(50, LENGTH, {"a": 1.0}), tmp_path, config, 300_000)
+    reward, cost = per_step(final_policy(trpo_lagrangian.algorithm, tmp_path))
+    rows = RunDirectory.open(tmp_path).rows()[-30:]
+    multiplier = np.mean([row["multiplier_cost"] * row["reward_advantage_std"] for row in rows])
+    assert cost == pytest.approx(0.25, rel=0.1)
+    assert reward == pytest.approx(0.75, rel=0.05)
+    assert multiplier == pytest.approx(1.0, rel=0.15)
+
+
+def test_trpo_lagrangian_without_cost_is_trpo_bit_for_bit(tmp_path: Path) -> None:
+    free = {"a": 0.0}
+    plain, lagrangian = trpo.algorithm, trpo_lagrangian.algorithm
+    train(plain, Bandit(50, LENGTH, free), tmp_path / "a", plain.config_type(**FAST), 10_000)
+    train(lagrangian, Bandit(50, LENGTH, free), tmp_path / "b", lagrangian.config_type(**FAST), 10_000)
+    observation = np.random.default_rng(0).standard_normal((100, 2))
+    a, b = final_policy(plain, tmp_path / "a"), final_policy(lagrangian, tmp_path / "b")
+    np.testing.assert_array_equal(a.act(observation), b.act(observation))
+    np.testing.assert_array_equal(a.act(observation, False), b.act(observation, False))
