@@ -9,8 +9,9 @@ import numpy as np
 
 from guard_api import rotations
 from guard_api.errors import BackendError
-from guard_api.model.robot import Joint, Link, RobotModel
+from guard_api.model.robot import Joint, RobotModel
 from guard_api.scene.spec import SceneSpec
+from guard_api.shapes import Matrix3, Vector3
 from guard_sapien.engine import physx, pose, sapien
 from guard_sapien.shapes import attach
 from guard_sapien.surfaces import ContactTable, robot_material
@@ -27,7 +28,6 @@ FRICTION_LOSS_DAMPING = 1e4
 UNLIMITED_SPEED = 1e6
 """Replaces PhysX's speed limits of 10 m/s, 50 rad/s and 100 rad/s per joint."""
 
-_JOINT_TYPE = {"revolute": "revolute_unwrapped", "continuous": "revolute_unwrapped", "prismatic": "prismatic"}
 _IGNORE_BITS = 32
 
 
@@ -44,7 +44,7 @@ def add_robot(scene: sapien.Scene, spec: SceneSpec, robot: RobotModel, table: Co
     """Build `robot` into `scene`. Raises BackendError for what PhysX would silently replace by something else."""
     ignored = ignored_bits(robot)
     collides = can_collide(spec, robot, ignored)
-    tiny = _virtual_body(robot)
+    tiny_mass, tiny_inertia = _virtual_body(robot)
     components: dict[str, physx.PhysxArticulationLinkComponent] = {}
     incoming = {joint.child: joint for joint in robot.joints}
     for link in robot.links:
@@ -55,10 +55,12 @@ def add_robot(scene: sapien.Scene, spec: SceneSpec, robot: RobotModel, table: Co
                 material = robot_material(spec, collision.friction)
                 facings = table.moving(material, robot.collide_ground)
                 attach(component, collision.shape, collision.pose, facings, ignored[link.name])
-        _set_inertia(component, link, tiny)
+        mass, inertia = (tiny_mass, tiny_inertia) if link.virtual else (link.mass, link.inertia)
+        set_mass(component, f"link {link.name!r}", mass, link.com, inertia)
         _clear_link_defaults(component)
         if joint is None:
-            component.joint.type = "undefined" if robot.floating else "fixed"
+            # Outside the binding's type hints, but what its own builder uses for a root that floats.
+            component.joint.set_type("undefined" if robot.floating else "fixed")  # type: ignore[arg-type]
         else:
             _set_joint(component.joint, joint)
         components[link.name] = component
@@ -80,11 +82,11 @@ def ignored_bits(robot: RobotModel) -> dict[str, int]:
     links = {link.name: link for link in robot.links}
     bits = dict.fromkeys(links, 0)
     next_bit = 0
-    for name in links:
+    for name, link in links.items():
         ancestor, skipped = parent.get(name), False
         while ancestor is not None and links[ancestor].virtual:
             ancestor, skipped = parent.get(ancestor), True
-        if skipped and ancestor is not None and links[name].collisions and links[ancestor].collisions:
+        if skipped and ancestor is not None and link.collisions and links[ancestor].collisions:
             if next_bit == _IGNORE_BITS:
                 raise BackendError(f"robot {robot.name!r}: PhysX can exempt {_IGNORE_BITS} link pairs from collision")
             bits[name] |= 1 << next_bit
@@ -120,24 +122,25 @@ def principal_axes(inertia: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return moments[order], axes
 
 
-def _virtual_body(robot: RobotModel) -> tuple[float, float]:
-    """Return mass [kg] and isotropic inertia [kg m^2] of the robot's massless links."""
+def _virtual_body(robot: RobotModel) -> tuple[float, Matrix3]:
+    """Return mass [kg] and isotropic inertia (3, 3) [kg m^2] of the robot's massless links."""
     mass = sum(link.mass for link in robot.links)
     inertia = max(float(np.trace(np.asarray(link.inertia))) / 3 for link in robot.links)
-    return VIRTUAL_MASS * mass, VIRTUAL_INERTIA * inertia
+    tiny = VIRTUAL_INERTIA * inertia
+    return VIRTUAL_MASS * mass, ((tiny, 0.0, 0.0), (0.0, tiny, 0.0), (0.0, 0.0, tiny))
 
 
-def _set_inertia(component: physx.PhysxArticulationLinkComponent, link: Link, tiny: tuple[float, float]) -> None:
-    if link.virtual:
-        component.mass = tiny[0]
-        component.inertia = np.full(3, tiny[1], np.float32)
-        return
-    moments, axes = principal_axes(np.asarray(link.inertia, float))
-    if not (link.mass > 0 and (moments > 0).all()):
-        raise BackendError(f"link {link.name!r}: mass {link.mass} and principal inertia {moments} must be positive")
-    component.mass = link.mass
-    component.cmass_local_pose = pose(link.com, rotations.from_matrix(axes))
-    component.inertia = moments.astype(np.float32)
+def set_mass(component: physx.PhysxRigidBodyComponent, owner: str, mass: float, com: Vector3, inertia: Matrix3) -> None:
+    """Give a body its mass [kg], centre of mass (3,) [m] and inertia (3, 3) [kg m^2] about it, body axes.
+
+    Raises BackendError for zero or negative values, for which PhysX would substitute its own.
+    """
+    moments, axes = principal_axes(np.asarray(inertia, float))
+    if not (mass > 0 and (moments > 0).all()):
+        raise BackendError(f"{owner}: mass {mass} and principal inertia {moments} must be positive")
+    component.set_mass(mass)
+    component.set_cmass_local_pose(pose(com, rotations.from_matrix(axes)))
+    component.set_inertia(moments.tolist())
 
 
 def _clear_link_defaults(component: physx.PhysxArticulationLinkComponent) -> None:
@@ -150,7 +153,7 @@ def _clear_link_defaults(component: physx.PhysxArticulationLinkComponent) -> Non
 def _set_joint(engine_joint: physx.PhysxArticulationJoint, joint: Joint) -> None:
     """Set type, frames and limits; PhysX's joints act along or about the x axis of the joint frame."""
     turn = _from_x(np.asarray(joint.axis, float))
-    engine_joint.type = _JOINT_TYPE[joint.kind]  # type: ignore[assignment]
+    engine_joint.set_type("prismatic" if joint.kind == "prismatic" else "revolute_unwrapped")
     engine_joint.pose_in_parent = pose(joint.origin.position, rotations.multiply(joint.origin.quaternion, turn))
     engine_joint.pose_in_child = pose((0.0, 0.0, 0.0), turn)
     lower, upper = joint.limits or (-np.inf, np.inf)

@@ -8,17 +8,15 @@ from typing import TypeAlias
 import numpy as np
 
 from guard_api.errors import BackendError
+from guard_api.model import inertia
 from guard_api.scene.spec import BodySpec, SceneSpec
 from guard_api.shapes import Cylinder, Pose
-from guard_sapien.articulation import UNLIMITED_SPEED, Articulation, add_robot
+from guard_sapien.articulation import UNLIMITED_SPEED, Articulation, add_robot, set_mass
 from guard_sapien.engine import open_scene, physx, sapien
-from guard_sapien.shapes import CYLINDER_NOTE, attach, attach_ground, solid_inertia
+from guard_sapien.shapes import CYLINDER_NOTE, attach, attach_ground
 from guard_sapien.surfaces import ContactTable
 
 Body: TypeAlias = physx.PhysxRigidDynamicComponent | physx.PhysxRigidStaticComponent
-
-PACKED_BODY = 13
-"""Numbers per rigid body and articulation root in PhysX's packed state: quaternion, position, velocity, angular."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,9 +79,12 @@ def _body(body: BodySpec, table: ContactTable) -> Body:
         attach(moving, body.shape, at=Pose(), facings=table.fixed(material))
         return moving
     attach(moving, body.shape, at=Pose(), facings=table.moving(material))
-    moving.mass = body.mass
-    moving.cmass_local_pose = sapien.Pose()
-    moving.inertia = solid_inertia(body.shape, body.mass).astype(np.float32)
+    solid = inertia.of_shape(body.shape, 1.0)
+    scale = body.mass / solid.mass
+    moments = inertia.as_matrix(scale * np.asarray(solid.inertia))
+    if np.abs(solid.com).max() > 1e-6:
+        raise BackendError(f"{body.shape}: a body's frame must be at its centre of mass, which is at {solid.com}")
+    set_mass(moving, f"{body.shape}", body.mass, solid.com, moments)
     return moving
 
 

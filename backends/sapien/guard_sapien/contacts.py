@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from guard_api.scene.spec import SceneSpec
 from guard_sapien.articulation import can_collide, ignored_bits
 from guard_sapien.compile import Copy
+from guard_sapien.engine import physx
 
 
 class ContactReader:
@@ -18,10 +19,12 @@ class ContactReader:
         column = {name: k for k, name in enumerate(spec.robot.touch_links)}
         self._get_contacts = copy.system.get_contacts
         # PhysX hands out the same Python object for the same body every time.
-        self._touch = {
+        self._touch: dict[physx.PhysxRigidBaseComponent, int | None] = {
             component: column.get(link.name) for component, link in zip(copy.robot.links, spec.robot.links, strict=True)
         }
-        self._body = {component: index for index, component in enumerate(copy.bodies)}
+        self._body: dict[physx.PhysxRigidBaseComponent, int] = {
+            component: index for index, component in enumerate(copy.bodies)
+        }
 
     def add(self, impulse: NDArray[np.float64], touched: NDArray[np.bool_]) -> None:
         """Add the contacts of the last substep to one world's `impulse` (K,) and `touched` (B,)."""
@@ -39,7 +42,7 @@ class ContactReader:
             if column is not None:
                 impulse[column] += sum(pressed)
             if index is not None and not touched[index]:
-                touched[index] = any(p > 0 or point.separation <= 0 for p, point in zip(pressed, points))
+                touched[index] = any(p > 0 or point.separation <= 0 for p, point in zip(pressed, points, strict=True))
 
 
 def wanted(spec: SceneSpec) -> bool:

@@ -2,89 +2,127 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from guard_api import rotations
 from guard_api.model.robot import RobotModel
 from guard_api.physics.actuation import ActuationLaw
+from guard_api.scene.spec import SceneSpec
 from guard_sapien.articulation import Articulation
+from guard_sapien.compile import Copy
 
 Array = NDArray[np.float64]
 
+_POSE = 7
+"""Numbers per entity in `Scene.pack_poses()`: quaternion, position."""
+
 
 class RobotControl:
-    """`ActuationLaw` over the articulations of all worlds, plus the explicit part -D qd of the joint dampings."""
+    """`ActuationLaw` over the articulations of all worlds, plus the explicit part -D qd of the joint dampings.
 
-    def __init__(self, robot: RobotModel, articulations: list[Articulation]) -> None:
+    of_model (J,): PhysX's number of every model joint; PhysX numbers joints breadth-first.
+    of_engine (J,): the model's number of every PhysX joint.
+    """
+
+    def __init__(self, spec: SceneSpec, robot: RobotModel, copy: Copy) -> None:
         self.law = ActuationLaw(robot)
-        self.num_joints = len(robot.joints)
-        self._damping = np.array([joint.damping for joint in robot.joints])
-        self._reads_position = any(actuator.law == "position" for actuator in robot.actuators)
-        self._reads_velocity = bool(self._damping.any()) or any(
-            a.law == "velocity" or (a.law == "position" and a.kd) for a in robot.actuators
-        )
-        self.bind(articulations)
-        # PhysX numbers joints breadth-first. `of_model`[j] is the engine's number of model joint j.
-        self.of_model = joint_order(robot, articulations[0])
-        self._of_engine = np.argsort(self.of_model)
-        self._thrust_links = np.unique(self.law.thrust_link)
+        self.damping = np.array([joint.damping for joint in robot.joints])
+        self.reads_position = any(actuator.law == "position" for actuator in robot.actuators)
+        servos = any(a.law in {"position", "velocity"} and a.kd for a in robot.actuators)
+        self.reads_velocity = bool(self.damping.any()) or servos
+        self.of_model = _joint_order(robot, _robot_of(copy))
+        self.of_engine = np.argsort(self.of_model)
+        self.thrust_links = np.unique(self.law.thrust_link)
+        # Rows of `Scene.pack_poses()`, which follows the order in which `compile_copy` adds entities.
+        self.thrust_rows = int(spec.ground) + spec.num_bodies + self.thrust_links
         self._com = np.array([robot.links[i].com for i in self.law.thrust_link]).reshape(-1, 3)
 
-    def bind(self, articulations: list[Articulation]) -> None:
-        """Take the articulations of all worlds, again after one was rebuilt."""
-        self._articulations = articulations
-        self._get_position = [a.engine.get_qpos for a in articulations]
-        self._get_velocity = [a.engine.get_qvel for a in articulations]
-        self._set_force = [a.engine.set_qf for a in articulations]
-
-    def wrenches(self, geared: Array) -> tuple[Array, Array]:
-        """Return force (n, T, 3) [N] and torque about the com (n, T, 3) [N m] per thrust link, in link axes.
+    def wrenches(self, geared: Array) -> Array:
+        """Return force [N] and torque about the com [N m] on every thrust link: (n, T, 2, 3), in link axes.
 
         Constant over the substeps of one step.
         """
         force = self.law.thrust(geared)
-        torque = rotations.cross(self.law.thrust_point - self._com, force)
-        on = [self.law.thrust_link == link for link in self._thrust_links]
-        return np.stack([force[:, m].sum(1) for m in on], 1), np.stack([torque[:, m].sum(1) for m in on], 1)
+        wrench = np.stack([force, rotations.cross(self.law.thrust_point - self._com, force)], axis=2)
+        return np.stack([wrench[:, self.law.thrust_link == link].sum(axis=1) for link in self.thrust_links], axis=1)
 
-    def apply(self, worlds: list[int], geared: Array, wrenches: tuple[Array, Array] | None) -> Array:
-        """Set the forces of one substep in `worlds`; return the actuator effort on every joint: (n, J)."""
-        if wrenches is not None:
-            self._apply_thrust(worlds, *wrenches)
-        if not self.num_joints:
-            return np.zeros((len(worlds), 0))
-        q = self._read(self._get_position, worlds, self._reads_position)
-        qd = self._read(self._get_velocity, worlds, self._reads_velocity)
-        effort = self.law.joint_effort(geared, q, qd)
-        force = (effort - self._damping * qd).take(self._of_engine, axis=1).astype(np.float32)
-        for world, row in zip(worlds, force):
-            self._set_force[world](row)
+    def run(self, copies: Sequence[Copy], control: Array) -> Callable[[], Array]:
+        """Return a function that sets the forces of one substep in `copies` under `control` (n, U).
+
+        It returns the actuator effort on every joint: (n, J) [N m or N].
+        """
+        geared = self.law.geared(control)
+        efforts = _JointEfforts(self, copies, geared)
+        if not len(self.thrust_links):
+            return efforts
+        thrusts = _Thrusts(self, copies, self.wrenches(geared))
+
+        def both() -> Array:
+            thrusts()
+            return efforts()
+
+        return both
+
+
+class _JointEfforts:
+    """Joint efforts of one substep in some worlds; the engine's methods are looked up once per step."""
+
+    def __init__(self, control: RobotControl, copies: Sequence[Copy], geared: Array) -> None:
+        engines = [_robot_of(copy).engine for copy in copies]
+        self._control, self._geared = control, geared
+        self._zeros = np.zeros((len(copies), len(control.of_model)))
+        self._positions = [engine.get_qpos for engine in engines] if control.reads_position else []
+        self._velocities = [engine.get_qvel for engine in engines] if control.reads_velocity else []
+        self._set_force = [engine.set_qf for engine in engines]
+
+    def __call__(self) -> Array:
+        if not self._zeros.size:
+            return self._zeros
+        control = self._control
+        qd = self._read(self._velocities)
+        effort = control.law.joint_effort(self._geared, self._read(self._positions), qd)
+        force = (effort - control.damping * qd).take(control.of_engine, axis=1).astype(np.float32)
+        for set_force, row in zip(self._set_force, force, strict=True):
+            set_force(row)
         return effort
 
-    @property
-    def thrusts(self) -> bool:
-        """Whether any actuator is a thrust."""
-        return bool(self.law.on_link)
-
-    def _read(self, getters: list, worlds: list[int], wanted: bool) -> Array:
-        """Return joint positions or velocities (n, J) in the model's order, or zeros where no law looks at them."""
-        if not wanted:
-            return np.zeros((len(worlds), self.num_joints))
-        rows = np.concatenate([getters[world]() for world in worlds]).reshape(len(worlds), -1)
-        return rows.take(self.of_model, axis=1).astype(float)
-
-    def _apply_thrust(self, worlds: list[int], force: Array, torque: Array) -> None:
-        links = [[self._articulations[w].links[i] for i in self._thrust_links] for w in worlds]
-        quaternion = np.array([[link.entity_pose.q for link in row] for row in links], float)
-        force = rotations.rotate(quaternion, force).astype(np.float32)
-        torque = rotations.rotate(quaternion, torque).astype(np.float32)
-        for row, forces, torques in zip(links, force, torque):
-            for link, f, t in zip(row, forces, torques):
-                link.add_force_torque(f, t)
+    def _read(self, getters: list[Callable[[], NDArray[np.float32]]]) -> Array:
+        """Return what the getters see (n, J) in the model's order, or zeros where no law looks at it."""
+        if not getters:
+            return self._zeros
+        rows = np.concatenate([get() for get in getters]).reshape(self._zeros.shape)
+        return rows.take(self._control.of_model, axis=1).astype(float)
 
 
-def joint_order(robot: RobotModel, articulation: Articulation) -> NDArray[np.intp]:
-    """Return PhysX's number of every joint of the model: (J,)."""
+class _Thrusts:
+    """Thrust wrenches of one substep in some worlds, turned with their links."""
+
+    def __init__(self, control: RobotControl, copies: Sequence[Copy], wrench: Array) -> None:
+        self._wrench = wrench
+        links = [[_robot_of(copy).links[i] for i in control.thrust_links] for copy in copies]
+        self._rows = control.thrust_rows
+        self._poses = [copy.scene.pack_poses for copy in copies]
+        self._add = [link.add_force_torque for row in links for link in row]
+
+    def __call__(self) -> None:
+        if not self._poses:
+            return
+        poses = np.frombuffer(b"".join([pack() for pack in self._poses]), np.float32)
+        quaternion = poses.reshape(len(self._poses), -1, _POSE)[:, self._rows, None, :4]
+        turned = rotations.rotate(quaternion, self._wrench).astype(np.float32).reshape(-1, 2, 3)
+        for add, (force, torque) in zip(self._add, turned, strict=True):
+            add(force, torque)
+
+
+def _robot_of(copy: Copy) -> Articulation:
+    if copy.robot is None:
+        raise ValueError("this world has no robot")
+    return copy.robot
+
+
+def _joint_order(robot: RobotModel, articulation: Articulation) -> NDArray[np.intp]:
     number = {joint.get_child_link().name: i for i, joint in enumerate(articulation.engine.active_joints)}
     return np.array([number[joint.child] for joint in robot.joints], np.intp)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 with warnings.catch_warnings():
     # Importing SAPIEN looks for a Vulkan loader, which only rendering needs; GUARD never renders with SAPIEN.
@@ -25,7 +26,7 @@ def open_scene(spec: SceneSpec) -> sapien.Scene:
     system is always built first. Its configuration is global to the process and is replaced as a whole by each call.
     """
     physx.set_scene_config(
-        gravity=np.asarray(spec.gravity, np.float32),
+        gravity=np.asarray(spec.gravity, np.float32),  # type: ignore[arg-type]  # the hint wants a fixed shape,
         bounce_threshold=bounce_threshold(spec),
         enable_pcm=True,
         enable_tgs=True,
@@ -49,6 +50,6 @@ def bounce_threshold(spec: SceneSpec) -> float:
     return max(1e-3, 2.0 * float(np.linalg.norm(spec.gravity)) * spec.timestep)
 
 
-def pose(position: object, quaternion: object) -> sapien.Pose:
+def pose(position: ArrayLike, quaternion: ArrayLike) -> sapien.Pose:
     """Return SAPIEN's pose of a position (3,) [m] and quaternion (w, x, y, z)."""
-    return sapien.Pose(p=np.asarray(position, np.float32), q=np.asarray(quaternion, np.float32))
+    return sapien.Pose(p=np.asarray(position, float).tolist(), q=np.asarray(quaternion, float).tolist())

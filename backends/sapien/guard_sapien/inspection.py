@@ -26,7 +26,10 @@ def inspect_copy(spec: SceneSpec, copy: Copy, of_model: NDArray[np.intp] | None)
         mass_matrix=matrix,
         bias_force=bias,
         body_mass=np.array(
-            [getattr(c, "mass", 0.0) if b.physics == "dynamic" else 0.0 for c, b in zip(copy.bodies, spec.bodies)],
+            [
+                getattr(c, "mass", 0.0) if b.physics == "dynamic" else 0.0
+                for c, b in zip(copy.bodies, spec.bodies, strict=True)
+            ],
             float,
         ),
     )

@@ -42,6 +42,10 @@ class Record:
             array[worlds] = 0
         self.last_substeps[worlds] = 1
 
+    def time(self, timestep: float) -> Array:
+        """Return the time since reset: (N,) [s], exact to float64."""
+        return np.multiply(self.substeps, timestep, dtype=float)
+
     def mean_touch(self, timestep: float) -> Array:
         """Return the normal force on the touch links, averaged over the last step: (N, K) [N]."""
         return self.impulse / (timestep * self.last_substeps)[:, None]

@@ -58,7 +58,7 @@ def _shape(shape: Shape, material: physx.PhysxMaterial) -> physx.PhysxCollisionS
         case Mesh():
             vertices = np.asarray(shape.vertices, np.float32)
             try:
-                return physx.PhysxCollisionShapeConvexMesh(vertices, np.ones(3, np.float32), material)
+                return physx.PhysxCollisionShapeConvexMesh(vertices, [1.0, 1.0, 1.0], material)
             except RuntimeError as error:
                 raise BackendError(f"PhysX cannot make a convex hull of {shape.source}: {error}") from error
 
@@ -73,21 +73,3 @@ def _positive(shape: Shape, size: float) -> float:
     if not (np.isfinite(size) and size > 0):
         raise BackendError(f"{shape}: sizes must be positive and finite")
     return float(size)
-
-
-def solid_inertia(shape: Shape, mass: float) -> np.ndarray:
-    """Return the diagonal inertia (3,) [kg m^2] of the uniform solid of `mass` [kg] about its centre, shape axes."""
-    match shape:
-        case Sphere(radius=r):
-            return np.full(3, 0.4 * mass * r * r)
-        case Box(half_extents=(x, y, z)):
-            return mass / 3 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
-        case Cylinder(radius=r, half_length=h):
-            across = mass * (r * r / 4 + h * h / 3)
-            return np.array([across, across, mass * r * r / 2])
-        case Capsule(radius=r, half_length=h):
-            tube, caps = 2 * h, 4 / 3 * r  # volumes over pi r^2
-            m_tube, m_caps = mass * tube / (tube + caps), mass * caps / (tube + caps)
-            across = m_tube * (r * r / 4 + h * h / 3) + m_caps * (0.4 * r * r + h * h + 0.75 * h * r)
-            return np.array([across, across, m_tube * r * r / 2 + m_caps * 0.4 * r * r])
-    raise BackendError(f"a dynamic body cannot be a mesh ({shape.source}): use a primitive shape")

@@ -11,7 +11,6 @@ from guard_api.model.kinematics import Kinematics
 from guard_api.physics.state import Array, Inspection, Mask, Start, State
 from guard_api.scene.spec import SceneSpec
 from guard_sapien import contacts
-from guard_sapien.articulation import Articulation
 from guard_sapien.compile import check, compile_copy, cylinder_notes
 from guard_sapien.control import RobotControl
 from guard_sapien.driving import Drives, send
@@ -34,7 +33,7 @@ class SapienWorld:
         self.approximations = (*self._table.approximations, *cylinder_notes(scene))
         self._copies = [compile_copy(scene, self._table) for _ in range(num_worlds)]
         self._layout = PackedLayout(scene)
-        self._control = RobotControl(scene.robot, self._articulations()) if scene.robot else None
+        self._control = RobotControl(scene, scene.robot, self._copies[0]) if scene.robot else None
         self._kinematics = Kinematics(scene.robot) if scene.robot else None
         self._reads_contacts = contacts.wanted(scene)
         self._bind()
@@ -47,8 +46,8 @@ class SapienWorld:
         worlds = np.flatnonzero(mask)
         finite = finite_rows(start)
         self._rebuild_broken(worlds)
-        order = np.argsort(self._control.of_model) if self._control else []
-        for world in worlds:
+        order = self._control.of_engine if self._control else np.zeros(0, np.intp)
+        for world in worlds.tolist():
             if finite[world]:
                 place(self._copies[world], self.scene, order, start, world)
                 self._drives.place(world, start.body_position[world], start.body_quaternion[world])
@@ -67,15 +66,12 @@ class SapienWorld:
         record.control[worlds] = control[worlds]
         record.impulse[worlds], record.touched[worlds] = 0.0, False
         record.last_substeps[worlds] = substeps
-        record.substeps[worlds] += substeps
         self._advance(worlds.tolist(), substeps, self._reads_contacts)
-        self._packed = None
         record.ok &= np.isfinite(self._read()).all(axis=1)
 
     def step_raw(self, substeps: int) -> None:
         """Run law and engine under the last control, reading nothing that the law does not need."""
-        self._advance(list(range(self.num_worlds)), substeps, read_contacts=False)
-        self._packed = None
+        self._advance(np.flatnonzero(self._record.ok).tolist(), substeps, read_contacts=False)
 
     def drive(self, group: str, position: Array, quaternion: Array) -> None:
         """Send a driven group to its poses; the next `step` takes it there."""
@@ -91,7 +87,7 @@ class SapienWorld:
         position, quaternion, linear, angular = self._body_state(packed)
         record = self._record
         return State(
-            time=record.substeps * self.scene.timestep,
+            time=record.time(self.scene.timestep),
             joint_position=q, joint_velocity=qd, joint_effort=record.effort.copy(),
             link_position=links[0], link_quaternion=links[1],
             link_linear_velocity=links[2], link_angular_velocity=links[3],
@@ -109,8 +105,8 @@ class SapienWorld:
         """Return to a snapshot of an equal world."""
         packed = np.empty((self.num_worlds, self._layout.width), np.float32)
         mark = fingerprint(self.scene, self.num_worlds)
-        self._rebuild_broken(np.arange(self.num_worlds))
         from_bytes(mark, blob, [*self._saved(), packed])
+        self._rebuild_broken(np.arange(self.num_worlds))
         for copy, row, position, quaternion in zip(
             self._copies, packed, self._drives.position, self._drives.quaternion, strict=True
         ):
@@ -138,36 +134,32 @@ class SapienWorld:
             self._bind()
             self._packed = None
 
-    def _articulations(self) -> list[Articulation]:
-        return [copy.robot for copy in self._copies if copy.robot is not None]
-
     def _bind(self) -> None:
-        """Look up the bound methods that the substep loop calls, after worlds were (re)built."""
-        self._step = [copy.system.step for copy in self._copies]
-        if self._control:
-            self._control.bind(self._articulations())
-        if self._reads_contacts:
-            self._readers = [contacts.ContactReader(self.scene, copy) for copy in self._copies]
+        """Look up who reads contacts, after worlds were (re)built."""
+        self._readers = [contacts.ContactReader(self.scene, c) for c in self._copies] if self._reads_contacts else []
 
     def _advance(self, worlds: list[int], substeps: int, read_contacts: bool) -> None:
         """Run `substeps` of law and engine in `worlds`."""
-        control, record = self._control, self._record
-        geared = control.law.geared(self._record.control[worlds]) if control else np.zeros((len(worlds), 0))
-        wrenches = control.wrenches(geared) if control and control.thrusts else None
+        record, copies = self._record, [self._copies[world] for world in worlds]
+        set_forces = self._control.run(copies, record.control[worlds]) if self._control else None
         way = self._drives.waypoints(worlds, substeps)
-        steps = [self._step[world] for world in worlds]
+        steps = [copy.system.step for copy in copies]
         effort = record.effort[worlds]
-        for substep in range(substeps):
-            if control:
-                effort = control.apply(worlds, geared, wrenches)
-            send(self._copies, way, substep)
-            for step in steps:
-                step()
-            if read_contacts:
-                for world in worlds:
-                    self._readers[world].add(record.impulse[world], record.touched[world])
+        # A world that blows up overflows on its way to not being ok; that is no reason to warn.
+        with np.errstate(over="ignore", invalid="ignore"):
+            for substep in range(substeps):
+                if set_forces:
+                    effort = set_forces()
+                send(self._copies, way, substep)
+                for step in steps:
+                    step()
+                if read_contacts:
+                    for world in worlds:
+                        self._readers[world].add(record.impulse[world], record.touched[world])
         record.effort[worlds] = effort
+        record.substeps[worlds] += substeps
         self._drives.arrive(worlds)
+        self._packed = None
 
     def _read(self) -> Array:
         """Return the packed state of all worlds, read once per step: (N, width)."""
