@@ -1,7 +1,9 @@
 """The seam between GUARD and a simulator: a `Backend` builds a `World` from a scene.
 
 Clauses C1-C12 are tested by `guard_api.testing.conformance`; a plugin is done when `guard conform --backend NAME`
-passes. Nothing here knows a simulator. A plugin is found through the entry-point group `guard.backends` (`guard_api.plugins`).
+passes. Nothing here knows a simulator.
+
+A plugin is found through the entry-point group `guard.backends` (`guard_api.plugins`).
 """
 
 from __future__ import annotations
