@@ -66,18 +66,30 @@ MOTION = ("time", "joint_position", "joint_velocity", "link_position", "link_qua
 
 
 def one_joint(
-    kind: JointKind = "prismatic", *, axis: Vector3 = (1.0, 0.0, 0.0), mass: float = 2.0,
-    com: Vector3 = (0.0, 0.0, 0.0), inertia: float = 0.05, actuators: tuple[Actuator, ...] = (), collisions: tuple[Collision, ...] = (),
-    touch: bool = False, **joint: Any,
-) -> RobotModel:  # fmt: skip
-    """Return a welded root with one moving link: a slider or hinge about `axis`, `inertia` isotropic about the com."""
-    moving = Link(name="tip", mass=mass, com=com, inertia=diagonal(inertia, inertia, inertia), collisions=collisions)
+    kind: JointKind = "prismatic",
+    *,
+    axis: Vector3 = (1.0, 0.0, 0.0),
+    mass: float = 2.0,
+    com: Vector3 = (0.0, 0.0, 0.0),
+    inertia: float = 0.05,
+    actuators: tuple[Actuator, ...] = (),
+    collisions: tuple[Collision, ...] = (),
+    **joint: Any,
+) -> RobotModel:
+    """Return a welded root with one moving link: a slider or hinge about `axis`, `inertia` isotropic about the com.
+
+    A link with collisions is a touch link.
+    """
+    tip = Link(name="tip", mass=mass, com=com, inertia=diagonal(inertia, inertia, inertia), collisions=collisions)
     return RobotModel(
-        name="one_joint", base="fixed", root="root",
-        links=(Link(name="root", mass=1.0, inertia=diagonal(0.01, 0.01, 0.01)), moving),
+        name="one_joint",
+        base="fixed",
+        root="root",
+        links=(Link(name="root", mass=1.0, inertia=diagonal(0.01, 0.01, 0.01)), tip),
         joints=(Joint(name="joint", kind=kind, parent="root", child="tip", axis=axis, **joint),),
-        actuators=actuators, touch_links=("tip",) if touch else (),
-    )  # fmt: skip
+        actuators=actuators,
+        touch_links=("tip",) if collisions else (),
+    )
 
 
 def pendulum(mass: float = 2.0, length: float = 0.5, inertia: float = 0.05) -> RobotModel:
@@ -91,15 +103,40 @@ def effort_actuator(joint: str = "joint", **values: Any) -> Actuator:
 
 
 def loose_link(
-    *, mass: float = 2.0, com: Vector3 = (0.0, 0.0, 0.0), inertia: Matrix3 | None = None,
-    collisions: tuple[Collision, ...] = (), actuators: tuple[Actuator, ...] = (), touch: bool = False,
-) -> RobotModel:  # fmt: skip
-    """Return a floating robot of a single link."""
-    link = Link(name="hull", mass=mass, com=com, inertia=inertia or diagonal(0.02, 0.02, 0.02), collisions=collisions)
+    *,
+    mass: float = 2.0,
+    com: Vector3 = (0.0, 0.0, 0.0),
+    inertia: float = 0.02,
+    collisions: tuple[Collision, ...] = (),
+    actuators: tuple[Actuator, ...] = (),
+) -> RobotModel:
+    """Return a floating robot of a single link, which is a touch link if it has collisions."""
+    hull = Link(name="hull", mass=mass, com=com, inertia=diagonal(inertia, inertia, inertia), collisions=collisions)
     return RobotModel(
-        name="loose_link", base="floating", root="hull", links=(link,), joints=(), actuators=actuators,
-        touch_links=("hull",) if touch else (),
-    )  # fmt: skip
+        name="loose_link",
+        base="floating",
+        root="hull",
+        links=(hull,),
+        joints=(),
+        actuators=actuators,
+        touch_links=("hull",) if collisions else (),
+    )
+
+
+def planar_ball(height: float) -> RobotModel:
+    """Return a ball of `RADIUS` on a planar base, its centre `height` above the floor that it does not collide with."""
+    links, joints = _planar_base("hull", height)
+    hull = Link(name="hull", mass=2.0, inertia=diagonal(0.02, 0.02, 0.02), collisions=(ball(),))
+    return RobotModel(
+        name="planar_ball",
+        base="planar",
+        root="hull",
+        links=(*links, hull),
+        joints=tuple(joints),
+        actuators=(),
+        touch_links=("hull",),
+        collide_ground=False,
+    )
 
 
 def ball(friction: float = 1.0) -> Collision:
@@ -107,19 +144,21 @@ def ball(friction: float = 1.0) -> Collision:
     return Collision(shape=Sphere(radius=RADIUS), friction=friction)
 
 
-def foot(height: float, *, actuators: tuple[Actuator, ...] = (), mass: float = 2.0) -> RobotModel:
+def cube(friction: float = 1.0) -> Collision:
+    """Return a cube of half extent `RADIUS` about the link frame."""
+    return Collision(shape=Box(half_extents=(RADIUS, RADIUS, RADIUS)), friction=friction)
+
+
+def foot(height: float, actuators: tuple[Actuator, ...] = ()) -> RobotModel:
     """Return a ball on a vertical slider: at joint position 0 its centre is `height` above the root's frame."""
-    return one_joint(
-        "prismatic", axis=(0.0, 0.0, 1.0), mass=mass, collisions=(ball(),), touch=True, actuators=actuators,
-        origin=Pose(position=(0.0, 0.0, height)),
-    )  # fmt: skip
+    origin = Pose(position=(0.0, 0.0, height))
+    return one_joint(axis=(0.0, 0.0, 1.0), collisions=(ball(),), actuators=actuators, origin=origin)
 
 
-def pusher(actuators: tuple[Actuator, ...] = ()) -> RobotModel:
+def pusher(actuators: tuple[Actuator, ...] = (), **joint: Any) -> RobotModel:
     """Return a ball on a slider along x, half a metre above the floor: its centre is at (q, 0, 0.5)."""
-    return one_joint(
-        "prismatic", collisions=(ball(),), touch=True, actuators=actuators, origin=Pose(position=(0.0, 0.0, 0.5))
-    )
+    origin = Pose(position=(0.0, 0.0, 0.5))
+    return one_joint(collisions=(ball(),), actuators=actuators, origin=origin, **joint)
 
 
 def body(physics: str = "dynamic", *, half: float = RADIUS, sphere: bool = False, **values: Any) -> BodySpec:
@@ -152,7 +191,7 @@ def tree(base: BaseKind = "floating", *, actuators: bool = True, **joint: Any) -
     links = [_odd_link("trunk", rng), *(_odd_link(child, rng) for _, child in layout)]
     joints = [_odd_joint(kind, *names, rng, joint) for kind, names in zip(kinds, layout, strict=True)]
     if base == "planar":
-        base_links, base_joints = _planar_base("trunk")
+        base_links, base_joints = _planar_base("trunk", 0.5)
         links, joints = [*base_links, *links], [*base_joints, *joints]
     # Actuators in an order of their own: control columns are the actuators', not the joints'.
     order = [j for j in reversed(joints) if not j.name.startswith("base")]
@@ -189,12 +228,12 @@ def _vector(array: NDArray[np.float64]) -> Vector3:
     return (x, y, z)
 
 
-def _planar_base(root: str) -> tuple[list[Link], list[Joint]]:
-    """Return the three massless links and joints that carry `root` over the plane at height 0.5 m."""
+def _planar_base(root: str, height: float) -> tuple[list[Link], list[Joint]]:
+    """Return the three massless links and joints that carry `root` over the plane at `height`."""
     carriers = ["world_base", "base_x_link", "base_y_link"]
     joints = [
         Joint(name="base_x", kind="prismatic", parent=carriers[0], child=carriers[1], axis=(1.0, 0.0, 0.0),
-              origin=Pose(position=(0.0, 0.0, 0.5))),
+              origin=Pose(position=(0.0, 0.0, height))),
         Joint(name="base_y", kind="prismatic", parent=carriers[1], child=carriers[2], axis=(0.0, 1.0, 0.0)),
         Joint(name="base_yaw", kind="continuous", parent=carriers[2], child=root),
     ]  # fmt: skip

@@ -1,11 +1,24 @@
 """The conformance checks, one module per concern; `ALL` lists them in the order of the clauses."""
 
-from guard_api.testing.checks import frames, snapshot, stepping
+from guard_api.testing.checks import (
+    actuation,
+    contact,
+    frames,
+    isolation,
+    mechanics,
+    motion,
+    pushing,
+    snapshot,
+    stepping,
+    touch,
+)
 from guard_api.testing.checks.check import Check
+
+_MODULES = (frames, mechanics, stepping, actuation, touch, isolation, snapshot, motion, contact, pushing)
 
 ALL: tuple[Check, ...] = tuple(
     sorted(
-        (item for module in (frames, stepping, snapshot) for item in vars(module).values() if isinstance(item, Check)),
+        (item for module in _MODULES for item in vars(module).values() if isinstance(item, Check)),
         key=lambda item: int(item.clause[1:]),
     )
 )

@@ -34,8 +34,8 @@ Measure: TypeAlias = Callable[[Backend], list[Finding]]
 class Check:
     """One conformance check: `measure` builds what it needs on a backend and returns what it found.
 
-    clause: "C1".."C12". contacts: whether it needs things that touch. bodies: whether it needs bodies at all.
-    exact_snapshot: whether it is only owed by backends that declare that capability.
+    clause: "C1".."C12". contacts: whether it needs bodies or things that touch. exact_snapshot: whether it is owed only
+    by backends that declare that capability.
     """
 
     clause: str

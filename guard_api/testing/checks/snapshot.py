@@ -6,7 +6,7 @@ from guard_api.errors import BackendError
 from guard_api.physics.backend import Backend, World
 from guard_api.scene.spec import SceneSpec
 from guard_api.testing.checks.check import Finding, check, count, error
-from guard_api.testing.checks.stepping import Values, moving_tree, pushing, swing
+from guard_api.testing.checks.stepping import Values, moving_tree, pushing, swing, untouched
 from guard_api.testing.scenes import differing, pendulum, robot_scene, running, tree
 
 
@@ -46,6 +46,7 @@ def _repeats(backend: Backend, scene: SceneSpec, start: Values) -> list[Finding]
         count("arrays that differ right after restore", differing(there, back)),
         count("arrays that differ 15 steps later", differing(onward, again)),
         count("arrays that differ in an equal world", differing(onward, elsewhere)),
+        untouched(there, onward),
     ]
 
 

@@ -35,6 +35,12 @@ Values: TypeAlias = dict[str, ArrayLike]
 READOUTS = ("joint_effort", "touch", "body_contact")
 
 
+def untouched(*states: State) -> Finding:
+    """Return the finding that the robot touched a body, if there is one, in one of `states`: else a check shows nothing."""
+    missed = states[0].body_contact.size > 0 and not any(state.body_contact.any() for state in states)
+    return count("runs without the contact that the check needs", int(missed))
+
+
 def swing(world: World, steps: int, substeps: int = 1) -> None:
     """Drive every actuator with its own sine for `steps` calls of `substeps`: a tape that depends on nothing."""
     columns = np.arange(idle(world).shape[1])
@@ -103,7 +109,7 @@ def substeps_compose_in_contact(backend: Backend) -> list[Finding]:
             for _ in range(calls):
                 world.step(idle(world) + 5.0, substeps)
             states.append(world.state())
-    return [count("arrays that differ", differing(states[0], states[1], MOTION[1:]))]
+    return [count("arrays that differ", differing(states[0], states[1], MOTION[1:])), untouched(*states)]
 
 
 def pushing() -> tuple[SceneSpec, Values]:
@@ -140,7 +146,7 @@ def looking_changes_nothing_in_contact(backend: Backend) -> list[Finding]:
                 if look:
                     _look(world)
             states.append(world.state())
-    return [count("arrays that differ", differing(states[0], states[1]))]
+    return [count("arrays that differ", differing(states[0], states[1])), untouched(*states)]
 
 
 def _look(world: World) -> None:
@@ -200,6 +206,7 @@ def _selective(backend: Backend, scene: SceneSpec, start: Values) -> list[Findin
         count("arrays of other worlds changed by the reset", differing(before, after, worlds=~mask)),
         count("arrays of other worlds changed later", differing(undisturbed, later, worlds=~mask)),
         count("clocks of reset worlds not at 0", int(np.count_nonzero(after.time[mask]))),
+        untouched(before, undisturbed),
     ]
 
 
@@ -230,6 +237,7 @@ def _forgets(backend: Backend, scene: SceneSpec, start: Values) -> list[Finding]
     return [
         count("arrays that differ right after the reset", differing(fresh, again)),
         count("arrays that differ 20 steps later", differing(first, second)),
+        untouched(first),
     ]
 
 
@@ -243,7 +251,7 @@ def reset_clears_readouts(backend: Backend) -> list[Finding]:
         world.reset(np.ones(1, bool), rest_start(scene, 1, **start))
         state = world.state()
     return [
-        count("steps without the contact that the check needs", int(not touched.body_contact.any())),
+        untouched(touched),
         count("readouts not cleared", [name for name in READOUTS if np.any(getattr(state, name))]),
         count("worlds not ok", int(np.count_nonzero(~state.ok))),
     ]

@@ -1,0 +1,233 @@
+"""C3 and C4: where links are, how they move, and what the engine believes they weigh, against the neutral model."""
+
+# ruff: noqa: D401 - the first line of a check is the promise that it tests
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from guard_api.model.dynamics import Dynamics
+from guard_api.model.kinematics import Kinematics, LinkPoses
+from guard_api.model.robot import BaseKind, RobotModel
+from guard_api.physics.backend import Backend
+from guard_api.physics.state import Inspection, State
+from guard_api.testing.checks.check import Finding, check, count, error, rounding
+from guard_api.testing.scenes import TIMESTEP, bodies_scene, body, idle, robot_scene, running, tree
+
+Array = NDArray[np.float64]
+
+GRAVITY = (0.5, -1.0, -9.0)
+"""Not along an axis, so that no component of a gravity torque is zero by symmetry."""
+
+INERTIAL = 1e-6
+"""Relative tolerance of masses, inertias and what follows from them in the contract (C4)."""
+
+
+def robots() -> Iterator[tuple[BaseKind, RobotModel]]:
+    """Yield the branched robot on every kind of base, with armature and damping."""
+    for base in ("floating", "fixed", "planar"):
+        yield base, tree(base, armature=0.02, damping=0.3)
+
+
+def anywhere(robot: RobotModel, num_worlds: int = 4) -> dict[str, ArrayLike]:
+    """Return random poses, and velocities where the base may have them."""
+    rng = np.random.default_rng(11)
+    joints = len(robot.joints)
+    start: dict[str, ArrayLike] = {
+        "joint_position": rng.uniform(-1.0, 1.0, (num_worlds, joints)),
+        "joint_velocity": rng.uniform(-2.0, 2.0, (num_worlds, joints)),
+    }
+    if robot.base != "planar":
+        quaternion = rng.normal(size=(num_worlds, 4))
+        start["base_position"] = rng.normal(size=(num_worlds, 3))
+        start["base_quaternion"] = quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)
+    if robot.floating:
+        start["base_linear_velocity"] = rng.normal(size=(num_worlds, 3))
+        start["base_angular_velocity"] = rng.normal(size=(num_worlds, 3))
+    return start
+
+
+def reference(robot: RobotModel, state: State) -> tuple[LinkPoses, Array, Array]:
+    """Return what the neutral kinematics makes of the base and joints of `state`: poses, linear, angular velocity."""
+    kinematics = Kinematics(robot)
+    poses = kinematics.poses(state.link_position[:, 0], state.link_quaternion[:, 0], state.joint_position)
+    linear, angular = kinematics.velocities(
+        poses, state.link_linear_velocity[:, 0], state.link_angular_velocity[:, 0], state.joint_velocity
+    )
+    return poses, linear, angular
+
+
+def _compare_links(backend: Backend, robot: RobotModel, state: State, when: str) -> list[Finding]:
+    poses, linear, angular = reference(robot, state)
+    sign = np.sign(np.sum(poses.quaternion * state.link_quaternion, axis=-1, keepdims=True))
+    speed = max(1.0, float(np.abs(linear).max()), float(np.abs(angular).max()))
+    return [
+        error(f"link positions {when}", state.link_position, poses.position, rounding(backend, 2.0), "m"),
+        error(f"link quaternions {when}", sign * state.link_quaternion, poses.quaternion, rounding(backend)),
+        error(
+            f"velocities of link origins {when}", state.link_linear_velocity, linear, rounding(backend, speed), "m/s"
+        ),
+        error(f"angular velocities {when}", state.link_angular_velocity, angular, rounding(backend, speed), "rad/s"),
+    ]
+
+
+@check("C3")
+def links_after_reset(backend: Backend) -> list[Finding]:
+    """Right after a reset, links stand and move as the kinematics of base and joints say: link origins, world axes."""
+    findings = []
+    for base, robot in robots():
+        start = anywhere(robot)
+        with running(backend, robot_scene(robot), 4, **start) as world:
+            state = world.state()
+        findings += _compare_links(backend, robot, state, f"({base} base)")
+        for name in ("position", "quaternion", "linear_velocity", "angular_velocity"):
+            if f"base_{name}" in start:
+                got, expected = getattr(state, f"link_{name}")[:, 0], np.asarray(start[f"base_{name}"])
+                sign = np.sign(np.sum(got * expected, axis=1, keepdims=True)) if name == "quaternion" else 1.0
+                findings.append(error(f"{name} of the {base} base", sign * got, expected, rounding(backend, 2.0)))
+    return findings
+
+
+@check("C3")
+def links_after_motion(backend: Backend) -> list[Finding]:
+    """After motion too, poses and velocities of links and joints belong to one instant."""
+    findings = []
+    for base, robot in robots():
+        with running(backend, robot_scene(robot, gravity=GRAVITY), 4, **anywhere(robot)) as world:
+            world.step(idle(world) + 0.5, 25)
+            findings += _compare_links(backend, robot, world.state(), f"({base} base)")
+    return findings
+
+
+@check("C3")
+def velocities_are_derivatives(backend: Backend) -> list[Finding]:
+    """Positions change by the velocities reported: dq = h qd exactly, link origins within the change of velocity.
+
+    A velocity of the com instead of the link origin is off by angular velocity times com, far more than one step adds.
+    """
+    robot = tree()
+    with running(backend, robot_scene(robot), 4, **anywhere(robot)) as world:
+        before = world.state()
+        world.step(idle(world), 1)
+        after = world.state()
+    dq = (after.joint_position - before.joint_position) / TIMESTEP
+    dp = (after.link_position - before.link_position) / TIMESTEP
+    # A difference quotient magnifies the rounding of positions by 1/h.
+    noise = rounding(backend, 2.0, operations=8) / TIMESTEP
+    change = np.abs(after.link_linear_velocity - before.link_linear_velocity).max()
+    return [
+        error("joints (semi-implicit Euler)", dq, after.joint_velocity, noise, "rad/s, m/s"),
+        error("link origins", dp, after.link_linear_velocity, float(change) + noise, "m/s"),
+    ]
+
+
+@check("C4")
+def link_inertials(backend: Backend) -> list[Finding]:
+    """Masses, centres of mass and inertias that the engine holds are the model's, to 1e-6."""
+    findings = []
+    for base, robot in robots():
+        held = _inspect(backend, robot)[1]
+        # A welded root never moves: what an engine holds for it means nothing. Massless links hold a stand-in.
+        rows = [i for i, link in enumerate(robot.links) if not link.virtual and (i > 0 or robot.floating)]
+        mass = np.array([robot.links[i].mass for i in rows])
+        com = np.array([robot.links[i].com for i in rows])
+        inertia = np.array([robot.links[i].inertia for i in rows])
+        scale = np.abs(inertia).max(axis=(1, 2), keepdims=True)
+        findings += [
+            error(f"mass ({base} base)", held.link_mass[rows] / mass, 1.0, INERTIAL, "relative"),
+            error(f"centre of mass ({base} base)", held.link_com[rows], com, INERTIAL, "m"),
+            error(f"inertia ({base} base)", held.link_inertia[rows] / scale, inertia / scale, INERTIAL, "relative"),
+        ]
+    return findings
+
+
+@check("C4")
+def body_masses(backend: Backend) -> list[Finding]:
+    """Dynamic bodies weigh what their spec says; the others read 0."""
+    scene = bodies_scene(("boxes", body(mass=3.0), 2), ("walls", body("static"), 1), ("cars", body("driven"), 1))
+    with running(backend, scene, body_position=[[i, 0, 1] for i in range(4)]) as world:
+        return [error("body mass", world.inspect(0).body_mass, [3.0, 3.0, 0.0, 0.0], 3 * INERTIAL, "kg")]
+
+
+@check("C4")
+def mass_matrix(backend: Backend) -> list[Finding]:
+    """The engine's mass matrix, armature included, is that of the reference recursion at random configurations."""
+    findings = []
+    for base, robot in robots():
+        state, held = _inspect(backend, robot)
+        if held.mass_matrix is None:
+            findings.append(count(f"mass matrices the engine cannot say ({base} base)", 1))
+            continue
+        expected = Dynamics(robot, GRAVITY).mass_matrix(reference(robot, state)[0])[0]
+        tolerance = _dynamic_tolerance(backend, expected)
+        findings.append(error(f"mass matrix ({base} base)", held.mass_matrix, expected, tolerance, "kg, kg m^2"))
+    return findings
+
+
+@check("C4")
+def bias_force(backend: Backend) -> list[Finding]:
+    """The engine's Coriolis and gravity force is that of the reference recursion at random configurations."""
+    findings = []
+    for base, robot in robots():
+        state, held = _inspect(backend, robot)
+        if held.bias_force is None:
+            findings.append(count(f"bias forces the engine cannot say ({base} base)", 1))
+            continue
+        poses, linear, angular = reference(robot, state)
+        expected = Dynamics(robot, GRAVITY).bias_force(poses, linear[:, 0], angular[:, 0], state.joint_velocity)[0]
+        tolerance = _dynamic_tolerance(backend, expected)
+        findings.append(error(f"bias force ({base} base)", held.bias_force, expected, tolerance, "N, N m"))
+    return findings
+
+
+@check("C4")
+def acceleration(backend: Backend) -> list[Finding]:
+    """One substep changes velocities by h (M + h D)^-1 (effort - D qd - bias) of the reference recursion.
+
+    The linear velocity of a floating base gets O(h) more: an engine that integrates the com's velocity and one that
+    integrates the origin's differ by h^2 of the jerk, h^2 (|w|^3 + 3 |w| |dw/dt|) |com|.
+    """
+    findings = []
+    for base, robot in robots():
+        with running(backend, robot_scene(robot, gravity=GRAVITY), 4, **anywhere(robot)) as world:
+            control = np.random.default_rng(5).uniform(-3.0, 3.0, idle(world).shape)
+            before = world.state()
+            world.step(control, 1)
+            after = world.state()
+        poses, linear, angular = reference(robot, before)
+        effort = np.zeros_like(before.joint_velocity)
+        effort[:, [robot.joint_index(str(a.joint)) for a in robot.actuators]] = control
+        expected = Dynamics(robot, GRAVITY).acceleration(
+            poses, linear[:, 0], angular[:, 0], before.joint_velocity,
+            effort=effort, thrust=np.zeros((4, 0, 3)), timestep=TIMESTEP,
+        )  # fmt: skip
+        joints = expected[:, -len(robot.joints) :]
+        got = (after.joint_velocity - before.joint_velocity) / TIMESTEP
+        tolerance = _dynamic_tolerance(backend, expected) + rounding(backend, 2.0, operations=8) / TIMESTEP
+        findings.append(error(f"joints ({base} base)", got, joints, tolerance, "rad/s^2, m/s^2"))
+        if robot.floating:
+            turn = (after.link_angular_velocity - before.link_angular_velocity)[:, 0] / TIMESTEP
+            push = (after.link_linear_velocity - before.link_linear_velocity)[:, 0] / TIMESTEP
+            w, dw = np.abs(angular[:, 0]).max() * 3**0.5, np.abs(expected[:, 3:6]).max() * 3**0.5
+            jerk = TIMESTEP * (w**3 + 3 * w * dw) * float(np.linalg.norm(robot.links[0].com))
+            findings += [
+                error("base, angular", turn, expected[:, 3:6], tolerance, "rad/s^2"),
+                error("base, linear", push, expected[:, :3], tolerance + jerk, "m/s^2"),
+            ]
+    return findings
+
+
+def _inspect(backend: Backend, robot: RobotModel) -> tuple[State, Inspection]:
+    """Return the state and the inspection of a moving robot somewhere, one world."""
+    start = {name: np.asarray(value)[:1] for name, value in anywhere(robot).items()}
+    with running(backend, robot_scene(robot, gravity=GRAVITY), 1, **start) as world:
+        return world.state(), world.inspect(0)
+
+
+def _dynamic_tolerance(backend: Backend, expected: Array) -> float:
+    """Return the absolute tolerance of a quantity that follows from the inertias, by its largest component."""
+    # 1024 operations: an elimination squares the sums behind one number.
+    return max(INERTIAL, rounding(backend, operations=1024)) * float(np.abs(expected).max())
