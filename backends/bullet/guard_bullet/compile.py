@@ -1,0 +1,101 @@
+"""A `SceneSpec` as the contents of one engine instance, and what of it the engine cannot express."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from guard_api.errors import BackendError
+from guard_api.scene.spec import BodySpec, SceneSpec
+from guard_api.shapes import Mesh
+from guard_bullet.engine import Client, connect, disconnect, pybullet
+from guard_bullet.robot import BASE, EngineRobot, build_robot, neutralise
+from guard_bullet.shapes import body_collision, body_frame, collision_shape, xyzw
+from guard_bullet.surfaces import Surfaces, surfaces
+from guard_bullet.surfaces import approximations as surface_approximations
+
+HULL_MARGIN = 0.001
+"""How far the engine inflates convex hulls [m]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Instance:
+    """One world's engine instance: its robot and the engine's numbers of its bodies, in the scene's order.
+
+    pristine: the engine's number of the state right after building, without any contact or history.
+    """
+
+    client: Client
+    pristine: int
+    robot: EngineRobot | None
+    bodies: tuple[int, ...]
+
+
+def build_instance(scene: SceneSpec) -> Instance:
+    """Return a new engine instance with `scene` in it, everything at the origin.
+
+    Raises BackendError for what the engine cannot build; nothing is left behind then.
+    """
+    client = connect(scene)
+    try:
+        surface = surfaces(scene)
+        ground = _build_ground(client, surface) if scene.ground else None
+        robot = build_robot(client, scene.robot, surface) if scene.robot else None
+        bodies = tuple(_build_body(client, body, surface) for body in scene.bodies)
+        if scene.robot and robot and ground is not None and not scene.robot.collide_ground:
+            for index in range(BASE, len(robot.joints)):
+                pybullet.setCollisionFilterPair(robot.body, ground, index, BASE, 0, physicsClientId=client)
+    except pybullet.error as problem:
+        disconnect(client)
+        raise BackendError(f"bullet: the engine cannot build the scene: {problem}") from problem
+    except BaseException:
+        disconnect(client)
+        raise
+    return Instance(client=client, pristine=pybullet.saveState(client), robot=robot, bodies=bodies)
+
+
+def approximations(scene: SceneSpec) -> tuple[str, ...]:
+    """Return what of `scene` this engine does not express exactly, one sentence each."""
+    return (*surface_approximations(scene), *_shape_approximations(scene))
+
+
+def _build_ground(client: Client, surface: Surfaces) -> int:
+    shape = pybullet.createCollisionShape(pybullet.GEOM_PLANE, planeNormal=[0.0, 0.0, 1.0], physicsClientId=client)
+    ground = pybullet.createMultiBody(0.0, shape, physicsClientId=client)
+    neutralise(client, ground, BASE, friction=surface.friction, restitution=surface.restitution)
+    return ground
+
+
+def _build_body(client: Client, spec: BodySpec, surface: Surfaces) -> int:
+    if spec.physics == "phantom":
+        raise BackendError("bullet: a phantom body reached the physics; phantoms belong to the environment")
+    moves = spec.physics == "dynamic"
+    frame = body_frame(spec.shape)
+    body = pybullet.createMultiBody(
+        baseMass=spec.mass if moves else 0.0,
+        baseCollisionShapeIndex=collision_shape(client, [body_collision(spec.shape)]),
+        baseInertialFrameOrientation=xyzw(frame.quaternion),
+        physicsClientId=client,
+    )
+    if body < 0:
+        raise BackendError(f"bullet: the engine refused a {spec.physics} body of shape {spec.shape}")
+    if moves:
+        inertia = [spec.mass * moment for moment in frame.moments]
+        pybullet.changeDynamics(body, BASE, localInertiaDiagonal=inertia, physicsClientId=client)
+    friction, restitution = surface.friction, surface.restitution
+    if moves:
+        friction, restitution = surface.of_mover(spec.friction, spec.restitution)
+    neutralise(client, body, BASE, friction=friction, restitution=restitution)
+    return body
+
+
+def _shape_approximations(scene: SceneSpec) -> Iterator[str]:
+    links = scene.robot.links if scene.robot else ()
+    for link in links:
+        values = sorted({collision.friction for collision in link.collisions})
+        if len(values) > 1:
+            yield f"link {link.name!r} has friction {values[-1]:g} on all its shapes (Bullet: one a link), not {values}"
+    hulls = [f"link {link.name!r}" for link in links if any(isinstance(c.shape, Mesh) for c in link.collisions)]
+    hulls += [f"group {group.name!r}" for group in scene.groups if isinstance(group.body.shape, Mesh)]
+    if hulls:
+        yield f"convex hulls are inflated by {1e3 * HULL_MARGIN:g} mm: {', '.join(hulls)}"
