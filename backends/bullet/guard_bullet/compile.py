@@ -14,6 +14,9 @@ from guard_bullet.shapes import body_collision, body_frame, collision_shape, xyz
 from guard_bullet.surfaces import Surfaces, surfaces
 from guard_bullet.surfaces import approximations as surface_approximations
 
+SCATTER = 1000.0
+"""Distance between things in the pristine state [m]."""
+
 HULL_MARGIN = 0.001
 """How far the engine inflates convex hulls [m]."""
 
@@ -51,7 +54,25 @@ def build_instance(scene: SceneSpec) -> Instance:
     except BaseException:
         disconnect(client)
         raise
+    _scatter(client, ([robot.body] if robot else []) + list(bodies))
     return Instance(client=client, pristine=pybullet.saveState(client), robot=robot, bodies=bodies)
+
+
+def forget(instance: Instance) -> None:
+    """Return an engine instance to its pristine state.
+
+    Restoring alone leaves contacts of before in the engine's caches, which then start the solver; looking for contacts
+    while nothing is near anything else drops them.
+    """
+    pybullet.restoreState(stateId=instance.pristine, physicsClientId=instance.client)
+    pybullet.performCollisionDetection(physicsClientId=instance.client)
+
+
+def _scatter(client: Client, bodies: list[int]) -> None:
+    """Move every body high up and away from the others, where no two shapes are near each other."""
+    for number, body in enumerate(bodies, start=1):
+        place = [0.0, 0.0, SCATTER * number]
+        pybullet.resetBasePositionAndOrientation(body, place, [0.0, 0.0, 0.0, 1.0], physicsClientId=client)
 
 
 def approximations(scene: SceneSpec) -> tuple[str, ...]:

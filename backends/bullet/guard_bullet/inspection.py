@@ -79,7 +79,7 @@ def _neutral_base(matrix: Array, bias: Array, world: int, motion: RobotMotion) -
     T[3:6, 3:6] = -R.T @ _skew(arm)
     # u_engine = T u, so its derivative is T a + drift with the drift below.
     drift = np.zeros(len(bias))
-    drift[3:6] = R.T @ (np.cross(angular, np.cross(angular, arm)) - np.cross(angular, linear))
+    drift[3:6] = R.T @ np.cross(angular, np.cross(angular, arm))
     return T.T @ matrix @ T, T.T @ (bias + matrix @ drift)
 
 

@@ -10,7 +10,7 @@ from guard_api.model.kinematics import Kinematics
 from guard_api.physics.state import Array, Inspection, Mask, Start, State
 from guard_api.scene.spec import SceneSpec
 from guard_bullet.bodies import Bodies
-from guard_bullet.compile import Instance, approximations, build_instance
+from guard_bullet.compile import Instance, approximations, build_instance, forget
 from guard_bullet.contacts import ContactLog
 from guard_bullet.drive import RobotDrive
 from guard_bullet.engine import disconnect, pybullet
@@ -180,13 +180,11 @@ class BulletWorld:
 
     def _renew(self, world: int, *, poisoned: bool) -> None:
         """Empty a world's engine instance of its history; one that may hold NaN is replaced."""
-        if not poisoned:
-            instance = self._instances[world]
-            pybullet.restoreState(stateId=instance.pristine, physicsClientId=instance.client)
-            return
-        fresh = build_instance(self.scene)
-        disconnect(self._instances[world].client)
-        self._instances[world] = fresh
+        if poisoned:
+            fresh = build_instance(self.scene)
+            disconnect(self._instances[world].client)
+            self._instances[world] = fresh
+        forget(self._instances[world])
 
     def _arrays(self) -> dict[str, NDArray]:
         """Return everything that a snapshot keeps beside the engine's own states, by name."""
