@@ -74,7 +74,8 @@ def run_conformance(
     """Run the checks of `clauses` (all when None), or only those called `names`, on `backend`.
 
     A check that does not hold is a gap when the backend's capabilities declare one for its clause or name. Checks of
-    declared gaps run all the same. Raises SpecError for an unknown clause or check.
+    declared gaps run all the same; those that need contacts do not run on a backend without any, and say so.
+    Raises SpecError for an unknown clause or check.
     """
     wanted = tuple(clauses) if clauses is not None else CLAUSES
     selected = [item for item in ALL if item.clause in wanted]
@@ -103,6 +104,8 @@ def find(name: str) -> Check:
 def run_check(backend: Backend, item: Check) -> CheckResult:
     """Run one check; whatever it raises becomes its result, so that one broken check hides no other."""
     gap = _declared(backend.capabilities, item)
+    if item.contacts and not backend.capabilities.contacts:
+        return _result(item, "gap", (), "not run: the backend has no contacts (capabilities.contacts is False)")
     try:
         findings = tuple(item.measure(backend))
     except Exception as problem:  # noqa: BLE001 - a plugin may raise anything; the report must name it, not die of it
@@ -123,8 +126,6 @@ def _result(item: Check, status: Status, findings: tuple[Finding, ...], reason: 
 def _declared(capabilities: Capabilities, item: Check) -> str | None:
     """Return why the backend says that it cannot meet `item`, or None when it promises to."""
     reason = capabilities.gaps.get(item.name) or capabilities.gaps.get(item.clause)
-    if reason is None and item.contacts and not capabilities.contacts:
-        return "the backend has no contacts (capabilities.contacts is False)"
     if reason is None and item.exact_snapshot and not capabilities.exact_snapshot:
         return "a run continued after restore is not bit-identical (capabilities.exact_snapshot is False)"
     return reason

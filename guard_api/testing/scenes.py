@@ -155,10 +155,10 @@ def foot(height: float, actuators: tuple[Actuator, ...] = ()) -> RobotModel:
     return one_joint(axis=(0.0, 0.0, 1.0), collisions=(ball(),), actuators=actuators, origin=origin)
 
 
-def pusher(actuators: tuple[Actuator, ...] = (), **joint: Any) -> RobotModel:
+def pusher(actuators: tuple[Actuator, ...] = (), *, friction: float = 1.0, **joint: Any) -> RobotModel:
     """Return a ball on a slider along x, half a metre above the floor: its centre is at (q, 0, 0.5)."""
     origin = Pose(position=(0.0, 0.0, 0.5))
-    return one_joint(collisions=(ball(),), actuators=actuators, origin=origin, **joint)
+    return one_joint(collisions=(ball(friction),), actuators=actuators, origin=origin, **joint)
 
 
 def body(physics: str = "dynamic", *, half: float = RADIUS, sphere: bool = False, **values: Any) -> BodySpec:

@@ -83,42 +83,59 @@ def resting_bodies(backend: Backend) -> list[Finding]:
 
 @check("C12", contacts=True)
 def incline_sticks(backend: Backend) -> list[Finding]:
-    """On a slope of atan(mu) - 2 degrees, boxes stay: bodies and robots creep at no more than 2 mm/s.
+    """On a slope of atan(mu) - 2 degrees, boxes stay: bodies and robots creep at no more than 2 mm/s on average.
 
     Friction of an iterated or regularised solver creeps; 1 mm/s is measured on the loosest engine at this slope.
     """
-    creep_body, creep_robot = _slide(backend, np.arctan(0.5) - np.deg2rad(2.0))
-    return [
-        error("creep of a body", creep_body, 0.0, 2e-3, "m/s"),
-        error("creep of a robot", creep_robot, 0.0, 2e-3, "m/s"),
-    ]
+    way, _ = _slide(backend, np.arctan(0.5) - np.deg2rad(2.0))
+    return [error(f"creep of a {name}", way[i, -1] / SLIDE, 0.0, 2e-3, "m/s") for i, name in enumerate(MOVERS)]
 
 
 @check("C12", contacts=True)
 def incline_slips(backend: Backend) -> list[Finding]:
-    """On slopes of atan(mu) + 2 and + 10 degrees boxes slide at g (sin - mu cos): friction is mu within 2 %."""
+    """On slopes of atan(mu) + 2 and + 10 degrees boxes slide at g (sin - mu cos): friction is mu within 2 %.
+
+    Measured by the way from rest, a t^2 / 2, so that a box that hops along is not judged by one moment.
+    """
     findings = []
     for beyond in (2.0, 10.0):
         slope = np.arctan(0.5) + np.deg2rad(beyond)
-        for name, gain in zip(("body", "robot"), _slide(backend, slope), strict=True):
-            friction = np.tan(slope) - gain / (0.4 * G * np.cos(slope))
-            findings.append(error(f"friction of a {name}, {beyond:g} degrees beyond", friction, 0.5, 0.01))
+        way, _ = _slide(backend, slope)
+        friction = np.tan(slope) - 2 * way[:, -1] / (SLIDE**2 * G * np.cos(slope))
+        what = f"friction, {beyond:g} degrees beyond"
+        findings += [error(f"{what}, {name}", friction[i], 0.5, 0.01) for i, name in enumerate(MOVERS)]
     return findings
 
 
-def _slide(backend: Backend, slope: float) -> tuple[float, float]:
-    """Return the speed [m/s] that a body and a robot, friction 0.5, gain in 0.4 s on the slope, after 0.1 s of it."""
+@check("C12", contacts=True)
+def sliding_stays_down(backend: Backend) -> list[Finding]:
+    """Boxes that slide down a slope of atan(mu) + 10 degrees keep to the floor within 1 mm: they do not hop.
+
+    Coulomb friction lifts nothing. A solver that relaxes it to a convex problem trades slip against separation.
+    """
+    _, height = _slide(backend, np.arctan(0.5) + np.deg2rad(10.0))
+    return [error(f"height of a {name}", height[i], RADIUS, 1e-3, "m") for i, name in enumerate(MOVERS)]
+
+
+SLIDE = 0.5
+"""Time that boxes are given on a slope [s]."""
+
+MOVERS = ("body", "robot")
+
+
+def _slide(backend: Backend, slope: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return how far down the slope, and how high, a body and a robot of friction 0.5 are every 10 ms: (2, T) [m]."""
     robot = loose_link(mass=1.0, inertia=1.0 * (2 * RADIUS) ** 2 / 6, collisions=(cube(friction=0.5),))
     scene = bodies_scene(("box", body(friction=0.5), 1), robot=robot, gravity=tilted(slope))
     start: Values = {"base_position": (0.0, 0.0, RADIUS), "body_position": (0.0, 2.0, RADIUS)}
+    places = []
     with running(backend, scene, 1, **start) as world:
-        world.step(idle(world), 50)
-        early = world.state()
-        world.step(idle(world), 200)
-        late = world.state()
-    of_body = late.body_linear_velocity[0, 0, 0] - early.body_linear_velocity[0, 0, 0]
-    of_robot = late.link_linear_velocity[0, 0, 0] - early.link_linear_velocity[0, 0, 0]
-    return float(of_body), float(of_robot)
+        for _ in range(round(SLIDE / TIMESTEP / 5)):
+            world.step(idle(world), 5)
+            state = world.state()
+            places.append([state.body_position[0, 0], state.link_position[0, 0]])
+    track = np.array(places)
+    return track[:, :, 0].T, track[:, :, 2].T
 
 
 @check("C12", contacts=True)
@@ -148,22 +165,37 @@ def friction_of_a_pair(backend: Backend) -> list[Finding]:
 
 @check("C12", contacts=True)
 def collision_keeps_momentum(backend: Backend) -> list[Finding]:
-    """Two balls that collide keep their momentum to rounding and, with restitution 0, part no more."""
+    """Two balls that collide keep their momentum to rounding."""
+    velocity = _collide(backend)
+    momentum = velocity[0] + 3.0 * velocity[1]
+    noise = rounding(backend, 3.0, 150, operations=16)
+    return [
+        error("momentum", momentum, [-0.5, 0.0, 0.0], noise, "kg m/s"),
+        Finding(
+            what="balls that pass through each other", value=float(velocity[0, 0] > 0.5), tolerance=0, unit="count"
+        ),
+    ]
+
+
+@check("C12", contacts=True)
+def collision_without_rebound(backend: Backend) -> list[Finding]:
+    """Two balls with restitution 0 go on together: they part at less than 2 % of the speed they met at."""
+    velocity = _collide(backend)
+    return [error("speed apart", velocity[0, 0] - velocity[1, 0], 0.0, REBOUND * 1.5, "m/s")]
+
+
+def _collide(backend: Backend) -> np.ndarray:
+    """Return the velocities (2, 3) of a ball of 1 kg at 1 m/s and one of 3 kg at -0.5 m/s after they met."""
     scene = bodies_scene(
         ("light", body(sphere=True, mass=1.0), 1),
         ("heavy", body(sphere=True, mass=3.0), 1),
         gravity=WEIGHTLESS,
         ground=False,
     )
-    start: Values = {"body_position": [(-0.15, 0, 0), (0.1, 0, 0)], "body_linear_velocity": [(1.0, 0, 0), (-0.5, 0, 0)]}
+    start: Values = {"body_position": [(-0.15, 0, 0), (0.1, 0, 0)], "body_linear_velocity": [(1, 0, 0), (-0.5, 0, 0)]}
     with running(backend, scene, 1, **start) as world:
         world.step(idle(world), 150)
-        velocity = world.state().body_linear_velocity[0]
-    momentum = velocity[0] + 3.0 * velocity[1]
-    return [
-        error("momentum", momentum, [-0.5, 0.0, 0.0], rounding(backend, 3.0, 150, operations=16), "kg m/s"),
-        error("speed apart", velocity[0, 0] - velocity[1, 0], 0.0, REBOUND * 1.5, "m/s"),
-    ]
+        return world.state().body_linear_velocity[0]
 
 
 @check("C12", contacts=True)

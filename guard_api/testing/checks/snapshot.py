@@ -65,6 +65,35 @@ def restore_returns(backend: Backend) -> list[Finding]:
 
 
 @check("C11")
+def restored_runs_agree(backend: Backend) -> list[Finding]:
+    """All runs restored from one snapshot give the same bits, in the world it came from and in an equal one."""
+    return _agree(backend, *_falling_tree())
+
+
+@check("C11", contacts=True)
+def restored_runs_agree_in_contact(backend: Backend) -> list[Finding]:
+    """All runs restored from one snapshot give the same bits while things touch."""
+    return _agree(backend, *pushing())
+
+
+def _agree(backend: Backend, scene: SceneSpec, start: Values) -> list[Finding]:
+    with running(backend, scene, 2, **start) as world, running(backend, scene, 2, **start) as other:
+        swing(world, 20)
+        blob, seen = world.snapshot(), world.state()
+        ends = []
+        for place, detour in ((world, 7), (world, 2), (other, 3)):
+            swing(place, detour)
+            place.restore(blob)
+            swing(place, 15)
+            ends.append(place.state())
+    return [
+        count("arrays that differ in a second run", differing(ends[0], ends[1])),
+        count("arrays that differ in an equal world", differing(ends[0], ends[2])),
+        untouched(seen, ends[0]),
+    ]
+
+
+@check("C11")
 def foreign_snapshots_refused(backend: Backend) -> list[Finding]:
     """Noise, a cut snapshot, one of another scene or of fewer worlds raises BackendError, and harms nothing."""
     scene, start = _falling_tree()

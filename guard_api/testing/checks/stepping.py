@@ -10,6 +10,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
+from guard_api.model.robot import Actuator
 from guard_api.physics.backend import Backend, World
 from guard_api.physics.state import State
 from guard_api.scene.spec import SceneSpec
@@ -20,7 +21,6 @@ from guard_api.testing.scenes import (
     bodies_scene,
     body,
     differing,
-    effort_actuator,
     idle,
     pusher,
     rest_start,
@@ -36,7 +36,7 @@ READOUTS = ("joint_effort", "touch", "body_contact")
 
 
 def untouched(*states: State) -> Finding:
-    """Return the finding that the robot touched a body, if there is one, in one of `states`: else a check shows nothing."""
+    """Return the finding that the robot touches a body, if there is one, in one of `states`: else a check is empty."""
     missed = states[0].body_contact.size > 0 and not any(state.body_contact.any() for state in states)
     return count("runs without the contact that the check needs", int(missed))
 
@@ -107,15 +107,15 @@ def substeps_compose_in_contact(backend: Backend) -> list[Finding]:
     for calls, substeps in ((5, 10), (50, 1)):
         with running(backend, scene, 1, **start) as world:
             for _ in range(calls):
-                world.step(idle(world) + 5.0, substeps)
+                world.step(idle(world) + 1.0, substeps)
             states.append(world.state())
     return [count("arrays that differ", differing(states[0], states[1], MOTION[1:])), untouched(*states)]
 
 
 def pushing() -> tuple[SceneSpec, Values]:
-    """Return a scene in which a robot soon pushes a box over the floor, and its start."""
-    robot = pusher((effort_actuator(),))
-    scene = bodies_scene(("box", body(half=0.5), 1), robot=robot)
+    """Return a scene in which a servo soon presses the robot on a box over the floor and keeps it there; its start."""
+    servo = Actuator(name="servo", law="position", joint="joint", gear=0.05, offset=0.3, kp=200.0, kd=20.0)
+    scene = bodies_scene(("box", body(half=0.5), 1), robot=pusher((servo,)))
     return scene, {"joint_velocity": 0.5, "body_position": (0.602, 0.05, 0.5)}
 
 
@@ -142,7 +142,7 @@ def looking_changes_nothing_in_contact(backend: Backend) -> list[Finding]:
     for look in (False, True):
         with running(backend, scene, 1, **start) as world:
             for _ in range(40):
-                world.step(idle(world) + 5.0, 1)
+                world.step(idle(world) + 1.0, 1)
                 if look:
                     _look(world)
             states.append(world.state())
@@ -246,7 +246,7 @@ def reset_clears_readouts(backend: Backend) -> list[Finding]:
     """After a reset out of a contact, touch, contact flags and efforts are zero and the worlds are ok."""
     scene, start = pushing()
     with running(backend, scene, 1, **start) as world:
-        world.step(idle(world) + 5.0, 20)
+        world.step(idle(world) + 1.0, 20)
         touched = world.state()
         world.reset(np.ones(1, bool), rest_start(scene, 1, **start))
         state = world.state()
