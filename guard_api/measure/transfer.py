@@ -17,6 +17,7 @@ from guard_api.algorithm import Algorithm, Policy
 from guard_api.env import Environment, make_environment
 from guard_api.errors import RunError
 from guard_api.measure.plan import TransferPlan, claim_folder
+from guard_api.measure.result import TRANSFER_FORMAT
 from guard_api.measure.rollout import EpisodeTable, RandomPolicy, evaluate
 from guard_api.measure.statistics import COVERAGE, REPLICATES
 from guard_api.measure.summary import RANDOM, Tables, summarise
@@ -25,7 +26,6 @@ from guard_api.runs.atomic import read_json, write_json
 from guard_api.runs.directory import RunDirectory
 from guard_api.runs.manifest import asset_hashes, describe_machine, package_versions
 
-TRANSFER_FORMAT: Final = "guard-transfer-1"
 CELL_FORMAT: Final = "guard-cell-1"
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import os
 import platform
@@ -82,6 +83,7 @@ def asset_hashes(robot: str) -> dict[str, str]:
     return hashes
 
 
+@functools.cache  # the code that runs is the one that was imported
 def git_state(folder: Path) -> dict[str, Any] | None:
     """Return the commit of the checkout around `folder` and whether it has changes; None outside a checkout."""
     commit = _git(folder, "rev-parse", "HEAD")
