@@ -62,8 +62,8 @@ class ShardedWorld:
         self._pipes: list[Connection] = []
         self._release = weakref.finalize(self, _release, self._processes, self._pipes)
         memory = SharedArrays.allocate(scene, num_worlds)
+        self._memory = SharedArrays(scene, num_worlds, memory)
         try:
-            self._arrays = SharedArrays(scene, num_worlds, memory)
             for rows in self._rows:
                 self._start(rows, memory)
             approximations = self._collect(range(len(self._rows)))
@@ -134,8 +134,15 @@ class ShardedWorld:
 
     def close(self) -> None:
         """End the workers and free the memory."""
-        self._broken = self._broken or "the world is closed"
+        self._broken = self._broken or "the world is closed: build another"
         self._release()
+        self._memory.close()
+
+    @property
+    def _arrays(self) -> SharedArrays:
+        if self._broken:
+            raise BackendError(self._broken)
+        return self._memory
 
     def _start(self, rows: slice, memory: int) -> None:
         pipe, theirs = Pipe()

@@ -44,6 +44,11 @@ class SharedArrays:
         os.ftruncate(file, _size(scene, num_worlds))
         return file
 
+    def close(self) -> None:
+        """Free the memory here; it is gone when the other side has done so too."""
+        self._arrays.clear()
+        self._memory.close()
+
     def __getitem__(self, name: str) -> NDArray[Any]:
         """Return an array: "control", "mask", "start.FIELD", "state.FIELD", "drive.GROUP.position" or ".quaternion"."""
         return self._arrays[name]
