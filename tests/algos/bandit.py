@@ -19,8 +19,11 @@ class Fingerprint:
     fingerprint: str = "bandit"
 
 
+NOISE = 0.3
+
+
 class Bandit:
-    """Every step: reward 1 - (a - 1)^2 + noise of unit variance, cost scale a^2; the observation is noise.
+    """Every step: reward 1 - (a - 1)^2 + noise, cost scale a^2; the observation is noise.
 
     With a narrow policy and a limit d on the mean cost per step (scale 1), the optimal mean is sqrt(d), the optimal
     reward 1 - (1 - sqrt(d))^2 and the multiplier 1 / sqrt(d) - 1, all per step.
@@ -45,7 +48,7 @@ class Bandit:
         observation = self._observe()
         return Step(
             observation=observation,
-            reward=1 - (action[:, 0] - 1) ** 2 + self._rng.standard_normal(self.num_worlds),
+            reward=1 - (action[:, 0] - 1) ** 2 + NOISE * self._rng.standard_normal(self.num_worlds),
             costs=action**2 * self._scales,
             terminated=np.zeros(self.num_worlds, bool),
             truncated=ended,
