@@ -64,14 +64,9 @@ def ordered(tree: Tree, problems: Problems) -> Tree | None:
     """Return `tree` depth first, siblings in file order; None, with every reason reported, if it is not one tree."""
     before = len(problems.errors)
     _report_duplicates(tree, problems)
-    known = {link.name for link in tree.links}
+    complete = _report_missing_links(tree, problems)
     parent_joint: dict[str, TreeJoint] = {}
     for joint in tree.joints:
-        for role, name in (("parent", joint.parent), ("child", joint.child)):
-            if name and name not in known:
-                problems.error(
-                    joint.place, f"joint {joint.name!r} names the {role} link {name!r}, which does not exist"
-                )
         first = parent_joint.setdefault(joint.child, joint)
         if joint.child and first is not joint:
             problems.error(
@@ -79,16 +74,28 @@ def ordered(tree: Tree, problems: Problems) -> Tree | None:
                 f"link {joint.child!r} is the child of joints {first.name!r} and {joint.name!r}: closed chains are "
                 "not supported, cut the loop at one of them",
             )
+    _report_loops(tree, parent_joint, problems)
     roots = list({link.name: link for link in tree.links if link.name not in parent_joint}.values())
-    for extra in roots[1:]:
+    for extra in roots[1:] if complete else ():  # a joint without its link makes a root that is none
         problems.error(
             extra.place,
             f"link {extra.name!r} hangs on no joint, and neither does {roots[0].name!r}: a robot has one root",
         )
-    _report_loops(tree, parent_joint, problems)
-    if len(problems.errors) > before or not roots:
+    if len(problems.errors) > before or not complete or not roots:
         return None
     return _depth_first(tree, roots[0])
+
+
+def _report_missing_links(tree: Tree, problems: Problems) -> bool:
+    """Return whether both ends of every joint exist; an end that is not even named was reported by its reader."""
+    known = {link.name for link in tree.links}
+    complete = True
+    for joint in tree.joints:
+        for role, name in (("parent", joint.parent), ("child", joint.child)):
+            complete &= name in known
+            if name and name not in known:
+                problems.error(joint.place, f"joint {joint.name!r}: its {role} link {name!r} does not exist")
+    return complete
 
 
 def _report_duplicates(tree: Tree, problems: Problems) -> None:
