@@ -39,6 +39,16 @@ class Articulation:
     links: tuple[physx.PhysxArticulationLinkComponent, ...]
     joints: tuple[physx.PhysxArticulationJoint, ...]
 
+    def come_to_rest(self) -> None:
+        """Put it at the origin, all joints at 0, without velocity or force."""
+        zeros = np.zeros(len(self.joints), np.float32)
+        self.engine.set_root_pose(sapien.Pose())
+        self.engine.set_root_linear_velocity([0.0, 0.0, 0.0])
+        self.engine.set_root_angular_velocity([0.0, 0.0, 0.0])
+        self.engine.set_qpos(zeros)
+        self.engine.set_qvel(zeros)
+        self.engine.set_qf(zeros)
+
 
 def add_robot(scene: sapien.Scene, spec: SceneSpec, robot: RobotModel, table: ContactTable) -> Articulation:
     """Build `robot` into `scene`. Raises BackendError for what PhysX would silently replace by something else."""

@@ -11,7 +11,7 @@ from guard_api.errors import BackendError
 from guard_api.model import inertia
 from guard_api.scene.spec import BodySpec, SceneSpec
 from guard_api.shapes import Cylinder, Pose
-from guard_sapien.articulation import UNLIMITED_SPEED, Articulation, add_robot, set_mass
+from guard_sapien.articulation import UNLIMITED_SPEED, Articulation, add_robot, can_collide, ignored_bits, set_mass
 from guard_sapien.engine import open_scene, physx, sapien
 from guard_sapien.shapes import CYLINDER_NOTE, attach, attach_ground
 from guard_sapien.surfaces import ContactTable
@@ -21,28 +21,47 @@ Body: TypeAlias = physx.PhysxRigidDynamicComponent | physx.PhysxRigidStaticCompo
 
 @dataclass(frozen=True, slots=True)
 class Copy:
-    """One world: its scene, its physics system, the robot in it, and the bodies (B,) in the scene's order."""
+    """One world: its scene and physics system, the robot in it, and the bodies (B,) in the scene's order.
+
+    first_link: number of the robot's first link among the scene's entities, which `Scene.pack_poses` follows; the
+    others come after it in the model's order.
+    """
 
     scene: sapien.Scene
     system: physx.PhysxCpuSystem
     robot: Articulation | None
     bodies: tuple[Body, ...]
+    first_link: int
 
 
-def compile_copy(spec: SceneSpec, table: ContactTable) -> Copy:
-    """Build one world of `spec`. Raises BackendError for what PhysX cannot build."""
+def touches(spec: SceneSpec) -> bool:
+    """Return whether anything in a world of `spec` can ever touch anything."""
+    robot = spec.robot
+    return spec.num_bodies > 0 or (robot is not None and can_collide(spec, robot, ignored_bits(robot)))
+
+
+def compile_scene(spec: SceneSpec, table: ContactTable, worlds: int) -> list[Copy]:
+    """Build `worlds` worlds of `spec` into one PhysX scene: more than one only if nothing `touches` anything.
+
+    Raises BackendError for what PhysX cannot build.
+    """
     scene = open_scene(spec)
-    if spec.ground:
+    system = scene.physx_system
+    assert isinstance(system, physx.PhysxCpuSystem)
+    copies, first_link = [], 0
+    if spec.ground and touches(spec):
         component = physx.PhysxRigidStaticComponent()
         attach_ground(component, table.ground())
         _add(scene, component, "ground")
-    bodies = []
-    for index, body in enumerate(spec.bodies):
-        component = _body(body, table)
-        _add(scene, component, f"body_{index}")
-        bodies.append(component)
-    robot = add_robot(scene, spec, spec.robot, table) if spec.robot else None
-    return Copy(scene, scene.physx_system, robot, tuple(bodies))  # type: ignore[arg-type]
+        first_link += 1
+    for _ in range(worlds):
+        bodies = [_body(body, table) for body in spec.bodies]
+        for index, component in enumerate(bodies):
+            _add(scene, component, f"body_{index}")
+        robot = add_robot(scene, spec, spec.robot, table) if spec.robot else None
+        copies.append(Copy(scene, system, robot, tuple(bodies), first_link + len(bodies)))
+        first_link += len(bodies) + (len(spec.robot.links) if spec.robot else 0)
+    return copies
 
 
 def check(spec: SceneSpec) -> None:

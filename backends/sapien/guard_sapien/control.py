@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,6 @@ from numpy.typing import NDArray
 from guard_api import rotations
 from guard_api.model.robot import RobotModel
 from guard_api.physics.actuation import ActuationLaw
-from guard_api.scene.spec import SceneSpec
 from guard_sapien.articulation import Articulation
 from guard_sapien.compile import Copy
 
@@ -27,7 +27,7 @@ class RobotControl:
     of_engine (J,): the model's number of every PhysX joint.
     """
 
-    def __init__(self, spec: SceneSpec, robot: RobotModel, copy: Copy) -> None:
+    def __init__(self, robot: RobotModel, copy: Copy) -> None:
         self.law = ActuationLaw(robot)
         self.damping = np.array([joint.damping for joint in robot.joints])
         self.reads_position = any(actuator.law == "position" for actuator in robot.actuators)
@@ -36,8 +36,6 @@ class RobotControl:
         self.of_model = _joint_order(robot, _robot_of(copy))
         self.of_engine = np.argsort(self.of_model)
         self.thrust_links = np.unique(self.law.thrust_link)
-        # Rows of `Scene.pack_poses()`, which follows the order in which `compile_copy` adds entities.
-        self.thrust_rows = int(spec.ground) + spec.num_bodies + self.thrust_links
         self._com = np.array([robot.links[i].com for i in self.law.thrust_link]).reshape(-1, 3)
 
     def wrenches(self, geared: Array) -> Array:
@@ -103,17 +101,21 @@ class _Thrusts:
     def __init__(self, control: RobotControl, copies: Sequence[Copy], wrench: Array) -> None:
         self._wrench = wrench
         links = [[_robot_of(copy).links[i] for i in control.thrust_links] for copy in copies]
-        self._rows = control.thrust_rows
-        self._poses = [copy.scene.pack_poses for copy in copies]
+        self._poses, first = [], 0
+        self._rows = np.empty((len(copies), len(control.thrust_links)), np.intp)
+        for scene, indices in groupby(range(len(copies)), key=lambda i: copies[i].scene):
+            for i in indices:
+                self._rows[i] = first + copies[i].first_link + control.thrust_links
+            self._poses.append(scene.pack_poses)
+            first += len(scene.entities)
         self._add = [link.add_force_torque for row in links for link in row]
 
     def __call__(self) -> None:
-        if not self._poses:
+        if not self._add:
             return
-        poses = np.frombuffer(b"".join([pack() for pack in self._poses]), np.float32)
-        quaternion = poses.reshape(len(self._poses), -1, _POSE)[:, self._rows, None, :4]
-        turned = rotations.rotate(quaternion, self._wrench).astype(np.float32).reshape(-1, 2, 3)
-        for add, (force, torque) in zip(self._add, turned, strict=True):
+        poses = np.frombuffer(b"".join([pack() for pack in self._poses]), np.float32).reshape(-1, _POSE)
+        turned = rotations.rotate(poses[self._rows, None, :4], self._wrench).astype(np.float32).reshape(-1, 2, 3)
+        for add, force, torque in zip(self._add, turned[:, 0], turned[:, 1], strict=True):
             add(force, torque)
 
 

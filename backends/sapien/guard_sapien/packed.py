@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
 
 from guard_api.scene.spec import SceneSpec
 from guard_sapien.compile import Copy
+from guard_sapien.engine import physx
 
 Array = NDArray[np.float64]
 
@@ -31,8 +33,13 @@ class PackedLayout:
 
     def read(self, copies: Sequence[Copy]) -> Array:
         """Return the packed state of all worlds: (N, width)."""
-        packed = b"".join([copy.system.pack() for copy in copies])
+        packed = b"".join([system.pack() for system, _ in self.systems(copies)])
         return np.frombuffer(packed, np.float32).reshape(len(copies), self.width).astype(float)
+
+    @staticmethod
+    def systems(copies: Sequence[Copy]) -> list[tuple[physx.PhysxCpuSystem, int]]:
+        """Return the physics systems of `copies` in order, each once, and how many of the worlds it holds."""
+        return [(system, len(list(worlds))) for system, worlds in groupby(copy.system for copy in copies)]
 
     def bodies(self, packed: Array) -> Array:
         """Return the rigid rows of the moving bodies: (N, M, 13)."""

@@ -1,4 +1,4 @@
-"""N worlds on PhysX: one scene each, so that nothing one world does can change a bit of another."""
+"""N worlds on PhysX's CPU solver, behind GUARD's contract."""
 
 from __future__ import annotations
 
@@ -11,11 +11,12 @@ from guard_api.model.kinematics import Kinematics
 from guard_api.physics.state import Array, Inspection, Mask, Start, State
 from guard_api.scene.spec import SceneSpec
 from guard_sapien import contacts
-from guard_sapien.compile import check, compile_copy, cylinder_notes
+from guard_sapien.compile import check, cylinder_notes
+from guard_sapien.contacts import ContactReader
 from guard_sapien.control import RobotControl
 from guard_sapien.driving import Drives, send
+from guard_sapien.fleet import Fleet
 from guard_sapien.inspection import inspect_copy
-from guard_sapien.packed import PackedLayout
 from guard_sapien.placing import finite_rows, place, place_static
 from guard_sapien.record import Record, fingerprint, from_bytes, to_bytes
 from guard_sapien.surfaces import ContactTable
@@ -29,31 +30,30 @@ class SapienWorld:
         if num_worlds < 1:
             raise BackendError(f"num_worlds {num_worlds} must be at least 1")
         self.scene, self.num_worlds = scene, num_worlds
-        self._table = ContactTable(scene)
-        self.approximations = (*self._table.approximations, *cylinder_notes(scene))
-        self._copies = [compile_copy(scene, self._table) for _ in range(num_worlds)]
-        self._layout = PackedLayout(scene)
-        self._control = RobotControl(scene, scene.robot, self._copies[0]) if scene.robot else None
+        table = ContactTable(scene)
+        self.approximations = (*table.approximations, *cylinder_notes(scene))
+        self._fleet = Fleet(scene, num_worlds, table)
+        self._control = RobotControl(scene.robot, self._fleet.copies[0]) if scene.robot else None
         self._kinematics = Kinematics(scene.robot) if scene.robot else None
         self._reads_contacts = contacts.wanted(scene)
-        self._bind()
+        self._readers = [ContactReader(scene, c) for c in self._fleet.copies] if self._reads_contacts else []
         self._record = Record(scene, num_worlds)
         self._drives = Drives(scene, num_worlds)
-        self._packed: Array | None = None
 
     def reset(self, mask: Mask, start: Start) -> None:
         """Start the worlds of `mask` anew; one whose numbers had become non-finite is built anew first."""
         worlds = np.flatnonzero(mask)
         finite = finite_rows(start)
-        self._rebuild_broken(worlds)
+        self._renew(worlds)
         order = self._control.of_engine if self._control else np.zeros(0, np.intp)
         for world in worlds.tolist():
             if finite[world]:
-                place(self._copies[world], self.scene, order, start, world)
+                place(self._fleet.copies[world], self.scene, order, start, world)
                 self._drives.place(world, start.body_position[world], start.body_quaternion[world])
         self._record.ok[worlds] = finite[worlds]
         self._record.clear(worlds)
-        self._packed = None
+        self._fleet.changed(worlds)
+        self._fleet.retire(worlds[~finite[worlds]])
 
     def step(self, control: NDArray[np.floating], substeps: int) -> None:
         """Advance every `ok` world; one with a non-finite control or state stops being `ok` and is left alone."""
@@ -61,13 +61,13 @@ class SapienWorld:
         record = self._record
         if control.shape != record.control.shape or substeps < 1:
             raise BackendError(f"step(control {control.shape}, {substeps}): control must be {record.control.shape}")
-        record.ok &= np.isfinite(control).all(axis=1)
+        self._stop(_lost(control))
         worlds = np.flatnonzero(record.ok)
         record.control[worlds] = control[worlds]
         record.impulse[worlds], record.touched[worlds] = 0.0, False
         record.last_substeps[worlds] = substeps
         self._advance(worlds.tolist(), substeps, self._reads_contacts)
-        record.ok &= np.isfinite(self._read()).all(axis=1)
+        self._stop(_lost(self._fleet.read()))
 
     def step_raw(self, substeps: int) -> None:
         """Run law and engine under the last control, reading nothing that the law does not need."""
@@ -82,7 +82,7 @@ class SapienWorld:
 
     def state(self) -> State:
         """Return the present state, read from PhysX; link states by `Kinematics` from the joint state."""
-        packed = self._read()
+        packed = self._fleet.read()
         q, qd, links = self._robot_state(packed)
         position, quaternion, linear, angular = self._body_state(packed)
         record = self._record
@@ -98,59 +98,58 @@ class SapienWorld:
 
     def snapshot(self) -> bytes:
         """Return everything that decides the future, except what PhysX keeps to itself (see the README)."""
-        packed = self._read().astype(np.float32)
+        packed = self._fleet.read().astype(np.float32)
         return to_bytes(fingerprint(self.scene, self.num_worlds), [*self._saved(), packed])
 
     def restore(self, blob: bytes) -> None:
         """Return to a snapshot of an equal world."""
-        packed = np.empty((self.num_worlds, self._layout.width), np.float32)
+        packed = np.empty((self.num_worlds, self._fleet.layout.width), np.float32)
         mark = fingerprint(self.scene, self.num_worlds)
         from_bytes(mark, blob, [*self._saved(), packed])
-        self._rebuild_broken(np.arange(self.num_worlds))
-        for copy, row, position, quaternion in zip(
-            self._copies, packed, self._drives.position, self._drives.quaternion, strict=True
+        self._renew(np.arange(self.num_worlds))
+        for copy, position, quaternion in zip(
+            self._fleet.copies, self._drives.position, self._drives.quaternion, strict=True
         ):
             place_static(copy, self.scene, position, quaternion)
-            copy.system.unpack(row.tobytes())
-        self._packed = None
+        self._fleet.write(packed, self._record.ok)
 
     def inspect(self, world: int) -> Inspection:
         """Return masses, inertias, mass matrix and bias force as PhysX holds them."""
-        return inspect_copy(self.scene, self._copies[world], self._control.of_model if self._control else None)
+        return inspect_copy(self.scene, self._fleet.copies[world], self._control.of_model if self._control else None)
 
     def close(self) -> None:
         """Release the scenes."""
-        self._copies, self._control = [], None
+        self._fleet.copies.clear()
+        self._readers.clear()
 
     def _saved(self) -> list[np.ndarray]:
         return [*self._record.arrays(), *self._drives.arrays()]
 
-    def _rebuild_broken(self, worlds: NDArray[np.intp]) -> None:
-        """Build those of `worlds` anew whose numbers became non-finite: what PhysX caches of them may be poisoned."""
-        broken = worlds[~np.isfinite(self._read()[worlds]).all(axis=1)]
-        for world in broken:
-            self._copies[world] = compile_copy(self.scene, self._table)
-        if len(broken):
-            self._bind()
-            self._packed = None
+    def _renew(self, worlds: NDArray[np.intp]) -> None:
+        for world in self._fleet.renew(worlds):
+            if self._reads_contacts:
+                self._readers[world] = ContactReader(self.scene, self._fleet.copies[world])
 
-    def _bind(self) -> None:
-        """Look up who reads contacts, after worlds were (re)built."""
-        self._readers = [contacts.ContactReader(self.scene, c) for c in self._copies] if self._reads_contacts else []
+    def _stop(self, failed: Mask) -> None:
+        """Let the worlds that `failed` (N,) be not ok from now on."""
+        newly = np.flatnonzero(failed & self._record.ok)
+        if len(newly):
+            self._record.ok[newly] = False
+            self._fleet.retire(newly)
 
     def _advance(self, worlds: list[int], substeps: int, read_contacts: bool) -> None:
         """Run `substeps` of law and engine in `worlds`."""
-        record, copies = self._record, [self._copies[world] for world in worlds]
+        record, copies = self._record, [self._fleet.copies[world] for world in worlds]
         set_forces = self._control.run(copies, record.control[worlds]) if self._control else None
         way = self._drives.waypoints(worlds, substeps)
-        steps = [copy.system.step for copy in copies]
+        steps = [system.step for system, _ in self._fleet.layout.systems(copies)]
         effort = record.effort[worlds]
         # A world that blows up overflows on its way to not being ok; that is no reason to warn.
         with np.errstate(over="ignore", invalid="ignore"):
             for substep in range(substeps):
                 if set_forces:
                     effort = set_forces()
-                send(self._copies, way, substep)
+                send(self._fleet.copies, way, substep)
                 for step in steps:
                     step()
                 if read_contacts:
@@ -159,21 +158,15 @@ class SapienWorld:
         record.effort[worlds] = effort
         record.substeps[worlds] += substeps
         self._drives.arrive(worlds)
-        self._packed = None
-
-    def _read(self) -> Array:
-        """Return the packed state of all worlds, read once per step: (N, width)."""
-        if self._packed is None:
-            self._packed = self._layout.read(self._copies)
-        return self._packed
+        self._fleet.changed(worlds)
 
     def _robot_state(self, packed: Array) -> tuple[Array, Array, tuple[Array, Array, Array, Array]]:
         """Return q, qd (N, J) and the links' position, quaternion, linear and angular velocity (N, L, ...)."""
         if self._control is None or self._kinematics is None or self.scene.robot is None:
             none, points = np.zeros((self.num_worlds, 0)), np.zeros((self.num_worlds, 0, 3))
             return none, none, (points, np.zeros((self.num_worlds, 0, 4)), points, points)
-        q, qd = (half.take(self._control.of_model, axis=1) for half in self._layout.joints(packed))
-        root = self._layout.root(packed)
+        q, qd = (half.take(self._control.of_model, axis=1) for half in self._fleet.layout.joints(packed))
+        root = self._fleet.layout.root(packed)
         quaternion, position = unit(root[:, :4]), root[:, 4:7]
         angular = root[:, 10:13]
         # PhysX's velocity is that of the com.
@@ -188,11 +181,16 @@ class SapienWorld:
         """Return position, quaternion, linear and angular velocity of the bodies: (N, B, ...)."""
         position, quaternion = self._drives.position.copy(), self._drives.quaternion.copy()
         linear, angular = np.zeros_like(position), np.zeros_like(position)
-        rows, moving = self._layout.bodies(packed), self._layout.moving
+        rows, moving = self._fleet.layout.bodies(packed), self._fleet.layout.moving
         if moving:
             quaternion[:, moving], position[:, moving] = unit(rows[..., :4]), rows[..., 4:7]
             linear[:, moving], angular[:, moving] = rows[..., 7:10], rows[..., 10:13]
         return position, quaternion, linear, angular
+
+
+def _lost(rows: Array) -> Mask:
+    """Return whether any number of each row is not finite: (N,)."""
+    return np.logical_or.reduce(~np.isfinite(rows), axis=1)
 
 
 def unit(quaternion: Array) -> Array:
