@@ -12,8 +12,8 @@ from guard_api.errors import BackendError
 from guard_api.model.inertia import of_shape
 from guard_api.scene.spec import BodySpec, SceneSpec
 from guard_api.shapes import Pose
-from guard_mujoco.contact import Role, Surface, add_restitution, set_options, set_surface
-from guard_mujoco.robot import FREE_JOINT, add_robot, joint_name, link_body
+from guard_mujoco.contact import Surface, add_pairs, set_options
+from guard_mujoco.robot import FREE_JOINT, add_robot, joint_name, link_body, neighbours
 from guard_mujoco.sensors import ContactReadout, add_contact_sensors, contact_readout, touch_approximations
 from guard_mujoco.shapes import add_geom, set_inertia
 
@@ -89,14 +89,14 @@ def _specify(scene: SceneSpec) -> mujoco.MjSpec:
     set_options(spec, scene)
     surfaces: list[Surface] = []
     if scene.ground:
-        plane = spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 1.0])
-        surfaces.append(Surface(geom="ground", role="ground", friction=0.0))
-        set_surface(plane, surfaces[0], scene)
+        plane = spec.worldbody.add_geom(name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 1.0])
+        plane.contype, plane.conaffinity = 0, 0
+        surfaces.append(Surface(geom=plane.name, body="world", role="ground"))
     if scene.robot:
         surfaces += add_robot(spec, scene, scene.robot)
     driven_mass = DRIVEN_INERTIA * _moving_mass(scene)
-    surfaces += [_add_body(spec, scene, index, body, driven_mass) for index, body in enumerate(scene.bodies)]
-    add_restitution(spec, surfaces, scene)
+    surfaces += [_add_body(spec, index, body, driven_mass) for index, body in enumerate(scene.bodies)]
+    add_pairs(spec, scene, surfaces, neighbours(scene.robot) if scene.robot else frozenset())
     add_contact_sensors(spec, scene, surfaces)
     return spec
 
@@ -108,7 +108,7 @@ def _moving_mass(scene: SceneSpec) -> float:
     return mass or 1.0
 
 
-def _add_body(spec: mujoco.MjSpec, scene: SceneSpec, index: int, body: BodySpec, driven_mass: float) -> Surface:
+def _add_body(spec: mujoco.MjSpec, index: int, body: BodySpec, driven_mass: float) -> Surface:
     """Add one scene body with its frame at its centre of mass; return its surface.
 
     Static bodies are mocap bodies, placed at reset. A mocap body that moves has no velocity, and what it pushes would
@@ -127,11 +127,11 @@ def _add_body(spec: mujoco.MjSpec, scene: SceneSpec, index: int, body: BodySpec,
             set_inertia(mj, driven_mass, (0.0, 0.0, 0.0), driven_mass * np.eye(3))
         else:
             set_inertia(mj, body.mass, (0.0, 0.0, 0.0), np.asarray(solid.inertia) * body.mass / solid.mass)
-    role: Role = body.physics
-    geom = add_geom(spec, mj, body.shape, Pose(position=tuple(-x for x in solid.com)))
-    surface = Surface(geom=f"{body_name(index)}/0", role=role, friction=body.friction, restitution=body.restitution)
-    set_surface(geom, surface, scene)
-    return surface
+    pose = Pose(position=tuple(-x for x in solid.com))
+    geom = add_geom(spec, mj, f"{body_name(index)}/0", body.shape, pose)
+    return Surface(
+        geom=geom.name, body=mj.name, role=body.physics, friction=body.friction, restitution=body.restitution
+    )
 
 
 def _locate(scene: SceneSpec, model: mujoco.MjModel) -> CompiledScene:

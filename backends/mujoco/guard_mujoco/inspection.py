@@ -24,10 +24,12 @@ def inspect(compiled: CompiledScene, model: mujoco.MjModel, data: mujoco.MjData)
             R = rotations.to_matrix(model.body_iquat[body])
             inertia[link] = R @ np.diag(model.body_inertia[body]) @ R.T
     matrix, bias = _dynamics(compiled, model, data)
-    body_mass = np.array([
-        model.body_mass[body] if spec.physics == "dynamic" else 0.0
-        for spec, body in zip(compiled.scene.bodies, compiled.body_body, strict=True)
-    ])  # fmt: skip
+    body_mass = np.array(
+        [
+            model.body_mass[body] if spec.physics == "dynamic" else 0.0
+            for spec, body in zip(compiled.scene.bodies, compiled.body_body, strict=True)
+        ]
+    )
     return Inspection(
         link_mass=mass,
         link_com=com,

@@ -16,7 +16,7 @@ from guard_api.errors import BackendError
 from guard_api.model.robot import Actuator, Joint, Link, RobotModel
 from guard_api.scene.spec import SceneSpec
 from guard_api.shapes import Pose
-from guard_mujoco.contact import Role, Surface, set_surface, stiffen_joint
+from guard_mujoco.contact import Neighbours, Role, Surface, stiffen_joint
 from guard_mujoco.shapes import add_geom, compose, set_inertia
 
 FREE_JOINT = "robot/free"
@@ -68,6 +68,11 @@ def chains(robot: RobotModel) -> list[Chain]:
     return result
 
 
+def neighbours(robot: RobotModel) -> Neighbours:
+    """Return the pairs of MuJoCo bodies that a joint, or a chain of them through massless links, connects."""
+    return frozenset(frozenset((link_body(c.parent), link_body(c.link.name))) for c in chains(robot))
+
+
 def add_robot(spec: mujoco.MjSpec, scene: SceneSpec, robot: RobotModel) -> list[Surface]:
     """Add the robot's bodies, joints, collisions and actuators to `spec`; return its surfaces."""
     first = robot.links[0]
@@ -77,30 +82,25 @@ def add_robot(spec: mujoco.MjSpec, scene: SceneSpec, robot: RobotModel) -> list[
     # A fixed base is placed anew at every reset; a planar one stays at the origin, its joints move it.
     base.mocap = robot.base == "fixed"
     role: Role = "robot" if robot.collide_ground else "robot above ground"
-    surfaces = _fill(spec, scene, base, first, role if robot.floating else "robot base")
+    surfaces = _fill(spec, base, first, role if robot.floating else "robot base")
     bodies = {first.name: base}
     for chain in chains(robot):
         body = _add_chain(scene, bodies[chain.parent], chain)
         bodies[chain.link.name] = body
-        surfaces += _fill(spec, scene, body, chain.link, role)
-        # Stated, because MuJoCo's own filter makes an exception for parents that do not move.
-        spec.add_exclude(bodyname1=link_body(chain.parent), bodyname2=body.name)
+        surfaces += _fill(spec, body, chain.link, role)
     for index, actuator in enumerate(robot.actuators):
         _add_actuator(spec, robot, index, actuator)
     return surfaces
 
 
-def _fill(
-    spec: mujoco.MjSpec, scene: SceneSpec, body: mujoco.MjsBody, link: Link, role: Role
-) -> list[Surface]:  # fmt: skip
+def _fill(spec: mujoco.MjSpec, body: mujoco.MjsBody, link: Link, role: Role) -> list[Surface]:
     """Give `body` the mass and collisions of `link`; return their surfaces."""
     if not link.virtual:
         set_inertia(body, link.mass, link.com, np.asarray(link.inertia))
     surfaces = []
     for number, collision in enumerate(link.collisions):
-        surface = Surface(geom=f"{body.name}/{number}", role=role, friction=collision.friction)
-        set_surface(add_geom(spec, body, collision.shape, collision.pose), surface, scene)
-        surfaces.append(surface)
+        geom = add_geom(spec, body, f"{body.name}/{number}", collision.shape, collision.pose)
+        surfaces.append(Surface(geom=geom.name, body=body.name, role=role, friction=collision.friction))
     return surfaces
 
 

@@ -15,7 +15,7 @@ from guard_api.errors import BackendError
 from guard_api.model.robot import RobotModel
 from guard_api.scene.spec import SceneSpec
 from guard_mujoco.contact import Surface
-from guard_mujoco.robot import chains, link_body
+from guard_mujoco.robot import link_body, neighbours
 
 OWN_CONTACTS = 4
 """Strongest contacts of a touch link with other links of the robot that are taken out of its touch force."""
@@ -80,17 +80,23 @@ def add_contact_sensors(spec: mujoco.MjSpec, scene: SceneSpec, surfaces: list[Su
     root = link_body(robot.links[0].name)
     for name in _self_touching(robot):
         spec.add_sensor(
-            type=mujoco.mjtSensor.mjSENS_CONTACT, intprm=[_FORCE, _STRONGEST, OWN_CONTACTS],
-            objtype=mujoco.mjtObj.mjOBJ_BODY, objname=link_body(name),
-            reftype=mujoco.mjtObj.mjOBJ_XBODY, refname=root,
-        )  # fmt: skip
+            type=mujoco.mjtSensor.mjSENS_CONTACT,
+            intprm=[_FORCE, _STRONGEST, OWN_CONTACTS],
+            objtype=mujoco.mjtObj.mjOBJ_BODY,
+            objname=link_body(name),
+            reftype=mujoco.mjtObj.mjOBJ_XBODY,
+            refname=root,
+        )
     for surface in surfaces:
         if surface.role in {"static", "driven", "dynamic"}:
             spec.add_sensor(
-                type=mujoco.mjtSensor.mjSENS_CONTACT, intprm=[_FOUND, _UNSORTED, 1],
-                objtype=mujoco.mjtObj.mjOBJ_XBODY, objname=root,
-                reftype=mujoco.mjtObj.mjOBJ_GEOM, refname=surface.geom,
-            )  # fmt: skip
+                type=mujoco.mjtSensor.mjSENS_CONTACT,
+                intprm=[_FOUND, _UNSORTED, 1],
+                objtype=mujoco.mjtObj.mjOBJ_XBODY,
+                objname=root,
+                reftype=mujoco.mjtObj.mjOBJ_GEOM,
+                refname=surface.geom,
+            )
 
 
 def contact_readout(scene: SceneSpec, model: mujoco.MjModel) -> ContactReadout:
@@ -123,16 +129,15 @@ def _add_touch(spec: mujoco.MjSpec, robot: RobotModel, link: str) -> None:
     if robot.links[robot.link_index(link)].virtual:
         raise BackendError(f"touch link {link!r} has no mass: MuJoCo has no body for it")
     site = spec.body(link_body(link)).add_site(name=f"touch/{link}", size=[EVERYWHERE] * 3)
-    spec.add_sensor(
-        type=mujoco.mjtSensor.mjSENS_TOUCH, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=site.name
-    )  # fmt: skip
+    spec.add_sensor(type=mujoco.mjtSensor.mjSENS_TOUCH, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=site.name)
 
 
 def _self_touching(robot: RobotModel) -> list[str]:
     """Return the touch links that can touch another link of the robot: one with collisions that is no neighbour."""
-    neighbours = {frozenset((chain.parent, chain.link.name)) for chain in chains(robot)}
     solid = [link.name for link in robot.links if link.collisions]
+    joined = neighbours(robot)
     return [
-        name for name in robot.touch_links
-        if name in solid and any(o != name and frozenset((name, o)) not in neighbours for o in solid)
-    ]  # fmt: skip
+        name
+        for name in robot.touch_links
+        if name in solid and any(o != name and frozenset((link_body(name), link_body(o))) not in joined for o in solid)
+    ]

@@ -11,9 +11,10 @@ from guard_api.shapes import Box, Capsule, Cylinder, Mesh, Pose, Shape, Sphere
 _GEOM = mujoco.mjtGeom
 
 
-def add_geom(spec: mujoco.MjSpec, body: mujoco.MjsBody, shape: Shape, pose: Pose) -> mujoco.MjsGeom:
-    """Add `shape` at `pose` in the axes of `body`, massless: GUARD states inertias itself."""
-    geom = body.add_geom(mass=0.0, pos=list(pose.position), quat=list(pose.quaternion))
+def add_geom(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, shape: Shape, pose: Pose) -> mujoco.MjsGeom:
+    """Add `shape` at `pose` in the axes of `body`: without mass of its own, touching in pairs only."""
+    geom = body.add_geom(name=name, mass=0.0, contype=0, conaffinity=0)
+    geom.pos, geom.quat = list(pose.position), list(pose.quaternion)
     match shape:
         case Sphere(radius=r):
             geom.type, geom.size = _GEOM.mjGEOM_SPHERE, [r, 0.0, 0.0]
