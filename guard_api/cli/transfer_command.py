@@ -120,4 +120,5 @@ def _print_matrix(result: dict[str, Any]) -> None:
 def _estimate(estimate: dict[str, Any]) -> str:
     low, high = estimate.get("low"), estimate.get("high")
     interval = "" if low is None else f" [{low:.3g}, {high:.3g}]"
-    return f"{estimate['value']:.3g}{interval}"
+    value = estimate["value"]
+    return "undefined" if value is None else f"{value:.3g}{interval}"
