@@ -20,8 +20,6 @@ from guard_api.measure.tables import cell_table, fact_table, pair_table, seed_ta
 from guard_api.measure.wording import caveats, headline, pair_sentence, title
 from guard_api.runs.atomic import write_text
 
-REPORT_DPI: Final = 160
-
 DEFINITIONS: Final = {
     "Return": "Sum of the rewards of an episode, averaged over episodes and seeds.",
     "Constraint cost": "Sum of all costs of an episode, averaged likewise.",
@@ -30,8 +28,8 @@ DEFINITIONS: Final = {
     "Return kept": "(return there − random policy's return there) ÷ (return at home − random policy's return at home), "
     "of the same policies: 100 % means that the move costs nothing. Undefined where the policies are not clearly "
     "better than random actions at home. “Loses 3 % of its return” means 97 % kept.",
-    "Change": "There minus at home, with sign (pp: percentage points), over pairs: the same policy, and the same start of the same episode. "
-    "What an episode's layout does to both engines alike cancels.",
+    "Change": "There minus at home, with sign (pp: percentage points), over pairs: the same policy, and the same start "
+    "of the same episode. What an episode's layout does to both engines alike cancels.",
     "Interval": "95 % percentile interval of a bootstrap that draws training seeds, and within them episodes, with the "
     "same draws in every engine.",
     "Seeds still safe": "Of the seeds whose policy keeps within the cost limit at home, how many do so there too.",
@@ -136,5 +134,5 @@ def _section(heading: str, lead: str, content: str) -> str:
 
 
 def _image(figure: Figure, text: str) -> str:
-    data = base64.b64encode(png(figure, REPORT_DPI)).decode()
+    data = base64.b64encode(png(figure)).decode()
     return f"<img alt='{escape(text)}' src='data:image/png;base64,{data}'>"
