@@ -45,16 +45,17 @@ class Bodies:
 
     def write(self, world: int, instance: Instance) -> None:
         """Put world number `world` into its engine instance."""
-        for index, body in enumerate(instance.bodies):
-            self._place(world, index, body, instance)
-            self._move(world, index, body, instance)
+        for index in range(len(instance.bodies)):
+            self._place(world, index, instance)
+            self._move(world, index, instance)
 
     def read(self, worlds: list[int], instances: list[Instance]) -> None:
-        """Fetch the dynamic bodies of `worlds`."""
+        """Fetch the dynamic bodies of `worlds`; `instances` are all N engine instances."""
         if not self.dynamic or not worlds:
             return
         rows = []
-        for instance in instances:
+        for world in worlds:
+            instance = instances[world]
             client = instance.client
             for index in self.dynamic:
                 body = instance.bodies[index]
@@ -88,25 +89,26 @@ class Bodies:
             self.linear[worlds, index] = ((position - self.position[:, index]) / duration)[worlds]
             self.angular[worlds, index] = (_rotation_vector(turn) / duration)[worlds]
             if index in self._targets:
-                for world, instance in zip(worlds, instances, strict=True):
-                    self._move(world, index, instance.bodies[index], instance)
+                for world in worlds:
+                    self._move(world, index, instances[world])
 
     def arrive(self, worlds: list[int], instances: list[Instance]) -> None:
         """Set the driven bodies exactly on their targets and at rest in the engine; `linear` keeps how they came."""
         for index, (position, quaternion) in self._targets.items():
             self.position[worlds, index], self.quaternion[worlds, index] = position[worlds], quaternion[worlds]
-            for world, instance in zip(worlds, instances, strict=True):
-                self._place(world, index, instance.bodies[index], instance)
+            for world in worlds:
+                self._place(world, index, instances[world])
         self._targets.clear()
 
-    def _place(self, world: int, index: int, body: int, instance: Instance) -> None:
+    def _place(self, world: int, index: int, instance: Instance) -> None:
         quaternion = rotations.multiply(self.quaternion[world, index], self._axes[index])
         position = self.position[world, index].tolist()
-        pybullet.resetBasePositionAndOrientation(body, position, xyzw(quaternion), physicsClientId=instance.client)
+        body, client = instance.bodies[index], instance.client
+        pybullet.resetBasePositionAndOrientation(body, position, xyzw(quaternion), physicsClientId=client)
 
-    def _move(self, world: int, index: int, body: int, instance: Instance) -> None:
+    def _move(self, world: int, index: int, instance: Instance) -> None:
         linear, angular = self.linear[world, index].tolist(), self.angular[world, index].tolist()
-        pybullet.resetBaseVelocity(body, linear, angular, physicsClientId=instance.client)
+        pybullet.resetBaseVelocity(instance.bodies[index], linear, angular, physicsClientId=instance.client)
 
 
 def _rotation_vector(quaternion: Array) -> Array:

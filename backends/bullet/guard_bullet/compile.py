@@ -9,10 +9,12 @@ from guard_api.errors import BackendError
 from guard_api.scene.spec import BodySpec, SceneSpec
 from guard_api.shapes import Mesh
 from guard_bullet.engine import Client, connect, disconnect, pybullet
-from guard_bullet.robot import BASE, EngineRobot, build_robot, neutralise
+from guard_bullet.robot import BASE, build_robot, neutralise
 from guard_bullet.shapes import body_collision, body_frame, collision_shape, xyzw
 from guard_bullet.surfaces import Surfaces, surfaces
 from guard_bullet.surfaces import approximations as surface_approximations
+
+NO_ROBOT = -1
 
 SCATTER = 1000.0
 """Distance between things in the pristine state [m]."""
@@ -23,14 +25,17 @@ HULL_MARGIN = 0.001
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Instance:
-    """One world's engine instance: its robot and the engine's numbers of its bodies, in the scene's order.
+    """One world's engine instance.
 
+    robot: the engine's number of the robot, NO_ROBOT without one; joints: its indices of the robot's joints, in order.
+    bodies: its numbers of the bodies, in the scene's order.
     pristine: the engine's number of the state right after building, without any contact or history.
     """
 
     client: Client
     pristine: int
-    robot: EngineRobot | None
+    robot: int
+    joints: list[int]
     bodies: tuple[int, ...]
 
 
@@ -43,19 +48,22 @@ def build_instance(scene: SceneSpec) -> Instance:
     try:
         surface = surfaces(scene)
         ground = _build_ground(client, surface) if scene.ground else None
-        robot = build_robot(client, scene.robot, surface) if scene.robot else None
+        robot = build_robot(client, scene.robot, surface) if scene.robot else NO_ROBOT
         bodies = tuple(_build_body(client, body, surface) for body in scene.bodies)
-        if scene.robot and robot and ground is not None and not scene.robot.collide_ground:
-            for index in range(BASE, len(robot.joints)):
-                pybullet.setCollisionFilterPair(robot.body, ground, index, BASE, 0, physicsClientId=client)
+        if scene.preset == "rigid":
+            _let_bounce(client, scene, bodies)
+        if scene.robot and ground is not None and not scene.robot.collide_ground:
+            for index in range(BASE, len(scene.robot.joints)):
+                pybullet.setCollisionFilterPair(robot, ground, index, BASE, 0, physicsClientId=client)
     except pybullet.error as problem:
         disconnect(client)
         raise BackendError(f"bullet: the engine cannot build the scene: {problem}") from problem
     except BaseException:
         disconnect(client)
         raise
-    _scatter(client, ([robot.body] if robot else []) + list(bodies))
-    return Instance(client=client, pristine=pybullet.saveState(client), robot=robot, bodies=bodies)
+    _scatter(client, [*([robot] if scene.robot else []), *bodies])
+    joints = list(range(len(scene.robot.joints))) if scene.robot else []
+    return Instance(client=client, pristine=pybullet.saveState(client), robot=robot, joints=joints, bodies=bodies)
 
 
 def forget(instance: Instance) -> None:
@@ -66,6 +74,16 @@ def forget(instance: Instance) -> None:
     """
     pybullet.restoreState(stateId=instance.pristine, physicsClientId=instance.client)
     pybullet.performCollisionDetection(physicsClientId=instance.client)
+
+
+def _let_bounce(client: Client, scene: SceneSpec, bodies: tuple[int, ...]) -> None:
+    """Let contacts of bouncing bodies act only once they touch.
+
+    The engine otherwise brakes an approaching body a step early, so that it arrives at the surface too slow to bounce.
+    """
+    for spec, body in zip(scene.bodies, bodies, strict=True):
+        if spec.physics == "dynamic" and spec.restitution > 0.0:
+            pybullet.changeDynamics(body, BASE, contactProcessingThreshold=0.0, physicsClientId=client)
 
 
 def _scatter(client: Client, bodies: list[int]) -> None:

@@ -43,10 +43,11 @@ class ContactLog:
         self._force[mask], self.body_contact[mask] = 0.0, False
 
     def collect(self, worlds: list[int], instances: list[Instance]) -> None:
-        """Add the contacts of the substep just made in `worlds`."""
+        """Add the contacts of the substep just made in `worlds`; `instances` are all N engine instances."""
         self._substeps[0] += 1
-        for world, instance in zip(worlds, instances, strict=True):
-            robot = instance.robot.body  # type: ignore[union-attr]
+        for world in worlds:
+            instance = instances[world]
+            robot = instance.robot
             for point in pybullet.getContactPoints(robot, physicsClientId=instance.client):
                 other = point[_BODY]
                 if other == robot:

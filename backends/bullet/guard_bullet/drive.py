@@ -39,6 +39,7 @@ class RobotDrive:
         self._thrust_axes = axes
         self._thrust_points = rotations.unrotate(axes, self.law.thrust_point - coms).tolist()
         self._thrust_links = [int(index) + BASE for index in self.law.thrust_link]
+        self._pulls = bool(self._thrust_links) and not self.passive.carries_thrust
         self._engine_thrust: list[list[list[float]]] = []
         self.command(np.zeros_like(self.geared))
 
@@ -46,26 +47,49 @@ class RobotDrive:
         """Hold `control` (N, U) from now on."""
         self.geared = self.law.geared(control)
         self._thrust = self.law.thrust(self.geared)
-        self._engine_thrust = rotations.unrotate(self._thrust_axes, self._thrust).tolist()
+        if self._pulls:
+            self._engine_thrust = rotations.unrotate(self._thrust_axes, self._thrust).tolist()
 
-    def torque(self, instances: list[Instance], worlds: list[int]) -> Array:
+    def torque(self, worlds: list[int], instances: list[Instance]) -> Array:
         """Return the joint torques (N, J) to send for the present motion, and note the efforts of `worlds`."""
         effort = self.law.joint_effort(self.geared, self.motion.q, self.motion.qd)
         self.effort[worlds] = effort[worlds]
         return self.passive.torque(instances, self.motion, effort, self._thrust)
 
-    def push(self, world: int, instance: Instance) -> None:
+    def advance(self, worlds: list[int], instances: list[Instance]) -> NDArray[np.bool_]:
+        """Evaluate the law and let the engine make one substep in `worlds`; `instances` are all N engine instances.
+
+        Returns (N,) whether a world could be stepped: one whose torques are not finite stays as it is.
+        """
+        torque = self.torque(worlds, instances)
+        finite = np.logical_and.reduce(np.isfinite(torque), axis=1)
+        set_torques, step, mode = pybullet.setJointMotorControlArray, pybullet.stepSimulation, pybullet.TORQUE_CONTROL
+        rows = torque.tolist()
+        for world in worlds:
+            if not finite[world]:
+                continue
+            instance, efforts = instances[world], rows[world]
+            client = instance.client
+            if efforts:
+                set_torques(instance.robot, instance.joints, mode, forces=efforts, physicsClientId=client)
+            if self._pulls:
+                self._pull(world, instance)
+            step(client)
+        return finite
+
+    def read(self, worlds: list[int], instances: list[Instance]) -> None:
+        """Fetch what the law needs for the next substep of `worlds`."""
+        self.motion.read_joints(worlds, instances)
+        if self.passive.needs_base:
+            self.motion.read_base(worlds, instances)
+
+    def _pull(self, world: int, instance: Instance) -> None:
         """Let the thrusters of world number `world` pull in its engine instance, for one substep."""
-        robot, client = instance.robot, instance.client
-        assert robot is not None
         forces = self._engine_thrust[world]
         for link, point, force in zip(self._thrust_links, self._thrust_points, forces, strict=True):
-            pybullet.applyExternalForce(robot.body, link, force, point, pybullet.LINK_FRAME, physicsClientId=client)
-
-    @property
-    def thrusts(self) -> bool:
-        """Whether the robot has thrusters at all."""
-        return bool(self._thrust_links)
+            pybullet.applyExternalForce(
+                instance.robot, link, force, point, pybullet.LINK_FRAME, physicsClientId=instance.client
+            )
 
     def clear(self, mask: NDArray[np.bool_]) -> None:
         """Forget the last efforts and controls of the worlds where `mask` is true."""

@@ -36,9 +36,7 @@ class EngineDynamics:
         gravity = rotations.unrotate(quaternion, self._gravity)
         matrix, bias = [], []
         for instance, joints in zip(instances, motion.q.tolist(), strict=True):
-            matrix.append(
-                pybullet.calculateMassMatrix(instance.robot.body, joints, physicsClientId=instance.client)  # type: ignore[union-attr]
-            )
+            matrix.append(pybullet.calculateMassMatrix(instance.robot, joints, physicsClientId=instance.client))
         if not self._floating:
             for instance, joints, speeds, pull in zip(
                 instances, motion.q.tolist(), motion.qd.tolist(), gravity, strict=True
@@ -52,7 +50,7 @@ class EngineDynamics:
         lift = np.zeros_like(speeds)
         lift[:, 3:6] = self._gravity - gravity
         for instance, joints, qd, a in zip(instances, motion.q.tolist(), speeds.tolist(), lift.tolist(), strict=True):
-            body = instance.robot.body  # type: ignore[union-attr]
+            body = instance.robot
             bias.append(
                 pybullet.calculateInverseDynamics(body, _NOWHERE + joints, qd, a, physicsClientId=instance.client)
             )
@@ -60,7 +58,7 @@ class EngineDynamics:
 
     def _welded_bias(self, instance: Instance, q: list[float], qd: list[float], gravity: Array) -> list[float]:
         """Return the bias with a welded base, which the engine takes as untilted, under `gravity` (3,) in its axes."""
-        body, client = instance.robot.body, instance.client  # type: ignore[union-attr]
+        body, client = instance.robot, instance.client
         tilted = not np.array_equal(gravity, self._gravity)
         if tilted:
             pybullet.setGravity(*gravity.tolist(), physicsClientId=client)

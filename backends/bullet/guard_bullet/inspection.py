@@ -26,7 +26,7 @@ def inspect_instance(instance: Instance, world: int, scene: SceneSpec, motion: R
     bodies = [pybullet.getDynamicsInfo(body, BASE, physicsClientId=instance.client)[_MASS] for body in instance.bodies]
     body_mass = np.array(bodies, float)
     robot = scene.robot
-    if robot is None or motion is None or instance.robot is None:
+    if robot is None or motion is None:
         empty = np.zeros((0, 3))
         return Inspection(link_mass=np.zeros(0), link_com=empty, link_inertia=np.zeros((0, 3, 3)), mass_matrix=None,
                           bias_force=None, body_mass=body_mass)  # fmt: skip
@@ -39,9 +39,8 @@ def inspect_instance(instance: Instance, world: int, scene: SceneSpec, motion: R
 
 def _link_inertias(instance: Instance, robot: RobotModel) -> tuple[Array, Array, Array]:
     """Return mass (L,), com (L, 3) and inertia (L, 3, 3); of a welded base the model's, since the engine holds none."""
-    assert instance.robot is not None
     rows = [
-        pybullet.getDynamicsInfo(instance.robot.body, index + BASE, physicsClientId=instance.client)
+        pybullet.getDynamicsInfo(instance.robot, index + BASE, physicsClientId=instance.client)
         for index in range(len(robot.links))
     ]
     turns = [rotations.to_matrix([row[_AXES][3], *row[_AXES][:3]]) for row in rows]
@@ -69,7 +68,7 @@ def _equations_of_motion(
 
 def _neutral_base(matrix: Array, bias: Array, world: int, motion: RobotMotion) -> tuple[Array, Array]:
     """Move the base rows from (angular, linear) at the com in principal axes to (linear, angular) at the link frame."""
-    position, quaternion, linear, angular = (row[world] for row in motion.engine_base())
+    position, quaternion, _, angular = (row[world] for row in motion.engine_base())
     R = rotations.to_matrix(quaternion)
     arm = position - motion.base_position[world]
     T = np.eye(len(bias))

@@ -52,25 +52,23 @@ class RobotMotion:
     def write(self, world: int, instance: Instance) -> None:
         """Put world number `world` into its engine instance."""
         robot, client = instance.robot, instance.client
-        assert robot is not None
         position, quaternion, linear, angular = (row[world] for row in self.engine_base())
-        pybullet.resetBasePositionAndOrientation(
-            robot.body, position.tolist(), xyzw(quaternion), physicsClientId=client
-        )
+        pybullet.resetBasePositionAndOrientation(robot, position.tolist(), xyzw(quaternion), physicsClientId=client)
         if self.floating:
-            pybullet.resetBaseVelocity(robot.body, linear.tolist(), angular.tolist(), physicsClientId=client)
-        if robot.joints:
+            pybullet.resetBaseVelocity(robot, linear.tolist(), angular.tolist(), physicsClientId=client)
+        if instance.joints:
             q = [[value] for value in self.q[world].tolist()]
             qd = [[value] for value in self.qd[world].tolist()]
-            pybullet.resetJointStatesMultiDof(robot.body, robot.joints, q, qd, physicsClientId=client)
+            pybullet.resetJointStatesMultiDof(robot, instance.joints, q, qd, physicsClientId=client)
 
     def read_joints(self, worlds: list[int], instances: list[Instance]) -> None:
-        """Fetch the joints of `worlds`, whose engine instances are `instances`."""
+        """Fetch the joints of `worlds`; `instances` are all N engine instances."""
         if not self.q.shape[1]:
             return
         read, rows = pybullet.getJointStates, []
-        for instance in instances:
-            states = read(instance.robot.body, instance.robot.joints, instance.client)  # type: ignore[union-attr]
+        for world in worlds:
+            instance = instances[world]
+            states = read(instance.robot, instance.joints, instance.client)
             rows.append([(state[0], state[1]) for state in states])
         joints = np.array(rows).reshape(len(worlds), -1, 2)
         worlds, joints = self._only_finite(worlds, joints)
@@ -81,8 +79,8 @@ class RobotMotion:
         if not self.floating:
             return
         rows = []
-        for instance in instances:
-            body, client = instance.robot.body, instance.client  # type: ignore[union-attr]
+        for world in worlds:
+            body, client = instances[world].robot, instances[world].client
             position, orientation = pybullet.getBasePositionAndOrientation(body, client)
             linear, angular = pybullet.getBaseVelocity(body, client)
             rows.append((*position, orientation[3], *orientation[:3], *linear, *angular))

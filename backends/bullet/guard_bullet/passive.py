@@ -54,10 +54,17 @@ class PassiveLaw:
         """Whether the base's motion must be known at every substep."""
         return self.accelerations is not None
 
+    @property
+    def carries_thrust(self) -> bool:
+        """Whether `torque` contains what the thrusters do, so that the engine must not be told of them again."""
+        return isinstance(self.accelerations, PlanarBody)
+
     def torque(self, instances: list[Instance], motion: RobotMotion, effort: Array, thrust: Array) -> Array:
         """Return the torques (N, J) to send for `effort` (N, J) and `thrust` (N, T, 3)."""
         if self.accelerations is None:
             return effort
+        if isinstance(self.accelerations, PlanarBody):
+            effort = effort + self.accelerations.thrust_effort(motion, thrust)
         a = self.accelerations(instances, motion, effort, thrust)
         return effort - self.damping * (motion.qd + self.timestep * a) - self.armature * a
 
@@ -87,9 +94,21 @@ class PlanarBody:
         offsets = all(joint.origin.position[:2] == (0.0, 0.0) for joint in robot.joints[1:])
         return robot.base == "planar" and len(robot.joints) == 3 and plain and carriers and offsets
 
+    def thrust_effort(self, motion: RobotMotion, thrust: Array) -> Array:
+        """Return what the thrusts (N, T, 3) amount to on the three joints: (N, 3)."""
+        effort = np.zeros_like(motion.q)
+        yaw = np.ascontiguousarray(motion.q[:, 2])
+        cos, sin = np.cos(yaw), np.sin(yaw)
+        for k, (x, y) in enumerate(self._points.tolist()):
+            fx, fy = thrust[:, k, 0], thrust[:, k, 1]
+            effort[:, 0] += cos * fx - sin * fy
+            effort[:, 1] += sin * fx + cos * fy
+            effort[:, 2] += x * fy - y * fx
+        return effort
+
     def __call__(self, instances: list[Instance], motion: RobotMotion, effort: Array, thrust: Array) -> Array:
-        """Solve the 3 x 3 system by elimination of x and y, whose block is diagonal."""
-        del instances
+        """Solve the 3 x 3 system by elimination of x and y, whose block is diagonal; `effort` contains the thrust."""
+        del instances, thrust
         yaw, rate = np.ascontiguousarray(motion.q[:, 2]), motion.qd[:, 2]
         cos, sin = np.cos(yaw), np.sin(yaw)
         lever_x, lever_y = cos * self._com[0] - sin * self._com[1], sin * self._com[0] + cos * self._com[1]
@@ -98,11 +117,6 @@ class PlanarBody:
         force[:, 0] += mx * rate * rate + self._mass * self._gravity[0]
         force[:, 1] += my * rate * rate + self._mass * self._gravity[1]
         force[:, 2] += mx * self._gravity[1] - my * self._gravity[0]
-        for k, point in enumerate(self._points):
-            fx, fy = thrust[:, k, 0], thrust[:, k, 1]
-            force[:, 0] += cos * fx - sin * fy
-            force[:, 1] += sin * fx + cos * fy
-            force[:, 2] += point[0] * fy - point[1] * fx
         dx, dy, dz = self._diagonal
         a = np.empty_like(force)
         spin = dz - my * my / dx - mx * mx / dy

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from guard_api.errors import BackendError
 from guard_api.model.robot import Joint, RobotModel
 from guard_api.shapes import IDENTITY
@@ -19,16 +17,11 @@ NO_SPEED_LIMIT = 1e30
 MAX_DOFS = 128
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EngineRobot:
-    """The robot in one engine instance: its `body` number and the engine's `joints` indices, in model order."""
+def build_robot(client: Client, robot: RobotModel, surfaces: Surfaces) -> int:
+    """Create `robot` at the origin in `client` and return its body number; joint i of the model has index i.
 
-    body: int
-    joints: list[int]
-
-
-def build_robot(client: Client, robot: RobotModel, surfaces: Surfaces) -> EngineRobot:
-    """Create `robot` at the origin in `client`. Raises BackendError for what the engine cannot hold."""
+    Raises BackendError for what the engine cannot hold.
+    """
     if len(robot.joints) > MAX_DOFS - 6:
         raise BackendError(
             f"bullet: robot {robot.name!r} has {len(robot.joints)} joints, the engine holds {MAX_DOFS - 6}"
@@ -61,11 +54,10 @@ def build_robot(client: Client, robot: RobotModel, surfaces: Surfaces) -> Engine
             pybullet.changeDynamics(body, index, localInertiaDiagonal=frame.moments, physicsClientId=client)
         friction, restitution = surfaces.of_mover(link_friction(link), ROBOT_RESTITUTION)
         neutralise(client, body, index, friction=friction, restitution=restitution)
-    joints = list(range(len(robot.joints)))
     for index, joint in enumerate(robot.joints):
         _set_joint(client, body, index, joint)
     _filter_neighbours(client, body, robot)
-    return EngineRobot(body=body, joints=joints)
+    return body
 
 
 def base_frame(robot: RobotModel) -> Principal:

@@ -60,18 +60,17 @@ class BulletWorld:
             control = np.asarray(control, float)
             self._ok &= np.logical_and.reduce(np.isfinite(control), axis=1)
             self._drive.command(np.where(self._ok[:, None], control, 0.0))
-        worlds, instances = self._active()
         self._contacts.begin()
-        self._bodies.depart(worlds, instances, substeps * self.scene.timestep)
+        self._bodies.depart(self._active(), self._instances, substeps * self.scene.timestep)
         for _ in range(substeps):
             self._substep()
             if self._contacts.needed:
-                self._contacts.collect(*self._active())
-        worlds, instances = self._active()
-        self._bodies.arrive(worlds, instances)
-        self._bodies.read(worlds, instances)
+                self._contacts.collect(self._active(), self._instances)
+        worlds = self._active()
+        self._bodies.arrive(worlds, self._instances)
+        self._bodies.read(worlds, self._instances)
         if self._drive:
-            self._drive.motion.read_base(worlds, instances)
+            self._drive.motion.read_base(worlds, self._instances)
             self._ok &= self._drive.motion.finite
         self._ok &= self._bodies.finite
 
@@ -141,42 +140,21 @@ class BulletWorld:
             disconnect(instance.client)
         self._instances.clear()
 
-    def _active(self) -> tuple[list[int], list[Instance]]:
-        worlds = np.flatnonzero(self._ok).tolist()
-        return worlds, [self._instances[world] for world in worlds]
+    def _active(self) -> list[int]:
+        return np.flatnonzero(self._ok).tolist()
 
     def _substep(self) -> None:
         """Evaluate the law, advance the engine one timestep and fetch what the law needs next."""
-        worlds, instances = self._active()
-        drive = self._drive
-        if drive:
-            torque = drive.torque(self._instances, worlds)
-            finite = np.logical_and.reduce(np.isfinite(torque), axis=1)
-            if not finite[worlds].all():
-                self._ok &= finite
-                worlds, instances = self._active()
-            rows = torque.tolist()
-            for world, instance in zip(worlds, instances, strict=True):
-                self._send(world, instance, rows[world])
-                pybullet.stepSimulation(instance.client)
-            drive.motion.read_joints(worlds, instances)
-            if drive.passive.needs_base:
-                drive.motion.read_base(worlds, instances)
-            self._ok &= drive.motion.finite
+        worlds = self._active()
+        if self._drive:
+            self._ok &= self._drive.advance(worlds, self._instances)
+            worlds = self._active() if len(worlds) != np.count_nonzero(self._ok) else worlds
+            self._drive.read(worlds, self._instances)
+            self._ok &= self._drive.motion.finite
         else:
-            for instance in instances:
-                pybullet.stepSimulation(instance.client)
+            for world in worlds:
+                pybullet.stepSimulation(self._instances[world].client)
         self._substeps[worlds] += 1
-
-    def _send(self, world: int, instance: Instance, torque: list[float]) -> None:
-        assert self._drive and instance.robot
-        if torque:
-            pybullet.setJointMotorControlArray(
-                instance.robot.body, instance.robot.joints, pybullet.TORQUE_CONTROL, forces=torque,
-                physicsClientId=instance.client,
-            )  # fmt: skip
-        if self._drive.thrusts:
-            self._drive.push(world, instance)
 
     def _renew(self, world: int, *, poisoned: bool) -> None:
         """Empty a world's engine instance of its history; one that may hold NaN is replaced."""
