@@ -188,7 +188,7 @@ def test_cylinders_are_reported_as_an_approximation():
 def test_links_either_side_of_massless_ones_do_not_collide():
     """The two ends of a chain over virtual links overlap: they would be thrown apart, were they not exempt."""
     robot = tree("planar")
-    ball = (Collision(shape=Sphere(radius=0.2)),)
+    ball = (Collision(shape=Sphere(radius=0.4)),)  # the frames are 0.5 m apart
     solid = replace(robot.links[-1], name="world_base", collisions=ball)
     links = [replace(link, collisions=ball if link.name == "trunk" else ()) for link in robot.links[1:]]
     scene = robot_scene(replace(robot, links=(solid, *links)))

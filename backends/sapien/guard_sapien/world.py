@@ -188,7 +188,7 @@ class SapienWorld:
         return position, quaternion, linear, angular
 
 
-def _lost(rows: Array) -> Mask:
+def _lost(rows: NDArray[np.floating]) -> Mask:
     """Return whether any number of each row is not finite: (N,)."""
     return np.logical_or.reduce(~np.isfinite(rows), axis=1)
 
