@@ -90,11 +90,21 @@ class Dynamics:
         self, poses: LinkPoses, base_linear: Array, base_angular: Array, qd: Array, *, effort: Array, thrust: Array,
         timestep: float,
     ) -> Array:  # fmt: skip
-        """Return the acceleration a (N, D): (M + h D) a = effort + J^T thrust - D qd - bias.
+        """Return the acceleration a (N, D): (M + h D) a = effort + J^T thrust - D qd - bias; no dry friction.
 
         effort: (N, J) of the actuators; thrust: (N, T, 3) [N] of the thrust actuators in link axes; D: joint damping.
         Where the matrix is singular or an input is not finite, that world's result is not finite; nothing is raised.
         """
+        matrix, right = self.equations(
+            poses, base_linear, base_angular, qd, effort=effort, thrust=thrust, timestep=timestep
+        )
+        return np.ascontiguousarray(solve(matrix, right[:, None])[:, 0].T)
+
+    def equations(
+        self, poses: LinkPoses, base_linear: Array, base_angular: Array, qd: Array, *, effort: Array, thrust: Array,
+        timestep: float,
+    ) -> tuple[Array, Array]:  # fmt: skip
+        """Return the matrix (D, D, N) and the right side (D, N) of `acceleration`'s equation, worlds last."""
         motions, bodies = self._motions(poses), self._bodies(poses)
         force = self._link_forces(motions, bodies, base_linear, base_angular, qd)
         self._subtract_thrust(force, poses, thrust)
@@ -104,7 +114,7 @@ class Dynamics:
         matrix = self._mass_matrix(motions, bodies)
         diagonal = np.arange(self.num_coordinates)
         matrix[diagonal, diagonal] += timestep * self._damping
-        return np.ascontiguousarray(solve(matrix, right).T)
+        return matrix, right
 
     def _motions(self, poses: LinkPoses) -> Array:
         """Return the motion of unit speed of every coordinate: (6, D, N), ordered base, then joints by depth."""
@@ -183,15 +193,16 @@ class Dynamics:
 
 
 def solve(matrix: Array, right: Array) -> Array:
-    """Return x (D, N) with matrix x = right by elimination; `matrix` (D, D, N) is symmetric positive definite."""
-    A, x = matrix.copy(), right.copy()
-    for k in range(len(A)):
-        factor = A[k + 1 :, k] / A[k, k]
-        A[k + 1 :, k + 1 :] -= factor[:, None] * A[k, k + 1 :]
-        x[k + 1 :] -= factor * x[k]
-    for k in reversed(range(len(A))):
-        x[k] /= A[k, k]
-        x[:k] -= A[:k, k] * x[k]
+    """Return x (D, C, N) with matrix x = right by elimination; `matrix` (D, D, N) is symmetric positive definite."""
+    size = len(matrix)
+    both = np.concatenate([matrix, right], axis=1)
+    for k in range(size - 1):
+        factor = both[k + 1 :, k] / both[k, k]
+        both[k + 1 :, k + 1 :] -= factor[:, None] * both[k, k + 1 :]
+    x = both[:, size:]
+    for k in reversed(range(size)):
+        x[k] /= both[k, k]
+        x[:k] -= both[:k, k, None] * x[k]
     return x
 
 

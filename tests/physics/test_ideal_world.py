@@ -9,12 +9,14 @@ import pytest
 
 from guard_api import rotations
 from guard_api.errors import BackendError
+from guard_api.model.dynamics import Dynamics
 from guard_api.model.robot import RobotModel
 from guard_api.physics.backend import Backend, World
 from guard_api.scene.spec import BodyGroup, SceneSpec
 from guard_api.scene.start import home_start
 from guard_api.testing import robots
 from guard_api.testing.ideal import backend
+from guard_api.testing.ideal.friction import rubbed
 from guard_api.testing.ideal.world import IdealWorld
 from tests.physics.scenes import BOX, GREMLIN, begin, bits, busy_scene, run
 
@@ -181,8 +183,37 @@ def test_misuse_is_named() -> None:
         world.drive("boxes", np.zeros((2, 2, 3)), np.zeros((2, 2, 4)))
 
 
-def test_what_is_left_out_is_said() -> None:
-    robot = robots.pendulum()
-    rubbing = replace(robot, joints=(replace(robot.joints[0], friction_loss=0.1),))
-    assert backend.build(SceneSpec(robot=robot), 1).approximations == ()
-    assert "hinge" in backend.build(SceneSpec(robot=rubbing), 1).approximations[0]
+def test_dry_friction_holds_still_and_is_overcome() -> None:
+    """Under half the friction a joint stays; above it, it gains (effort - friction) / m; then it stops and stays."""
+    robot = robots.planar_point()
+    rubbing = replace(robot, joints=tuple(replace(j, friction_loss=0.5, damping=0.0) for j in robot.joints))
+    world = started(rubbing, 2, timestep=0.002)
+    world.step(np.array([[0.25, 0.0, 0.0], [1.0, -1.0, 0.0]]), 100)
+    state = world.state()
+    np.testing.assert_allclose(state.joint_velocity[0], 0.0, atol=1e-15)
+    np.testing.assert_allclose(state.joint_velocity[1, :2], [0.1, -0.1], rtol=1e-9)
+    world.step(np.zeros((2, 3)), 120)
+    np.testing.assert_allclose(world.state().joint_velocity, 0.0, atol=1e-15)
+
+
+def test_dry_friction_of_coupled_joints_is_within_its_bounds_and_resists() -> None:
+    """Every joint either rests with less than its friction or moves against all of it."""
+    robot = robots.double_pendulum()
+    dynamics, h = Dynamics(robot), 0.002
+    rng = np.random.default_rng(5)
+    q, qd = rng.normal(size=(2, 50, 2))
+    qd[:25] *= 0.01
+    loss = np.array([3.0, 0.5])
+    poses = dynamics.kinematics.poses(np.zeros((50, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (50, 1)), q)
+    zero = np.zeros((50, 3))
+    matrix, right = dynamics.equations(
+        poses, zero, zero, qd, effort=np.zeros((50, 2)), thrust=np.zeros((50, 0, 3)), timestep=h
+    )  # fmt: skip
+    a = rubbed(matrix, right, qd.T, loss, h)
+    friction = np.einsum("ijn,jn->ni", matrix, a) - right.T
+    after = qd + h * a.T
+    at_rest = np.abs(after) < 1e-6
+    assert at_rest.any()
+    assert (~at_rest).any()
+    assert (np.abs(friction) <= loss * (1 + 1e-9)).all()
+    np.testing.assert_allclose(friction[~at_rest], (-np.sign(after) * loss)[~at_rest], rtol=1e-6)

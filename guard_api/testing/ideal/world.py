@@ -24,6 +24,7 @@ from guard_api.physics.state import Inspection, Mask, Start, State, state_shapes
 from guard_api.scene.spec import SceneSpec
 from guard_api.scene.start import home_start
 from guard_api.testing.ideal.bodies import FreeBodies, turned
+from guard_api.testing.ideal.friction import rubbed
 
 Array = NDArray[np.float64]
 Data: TypeAlias = dict[str, NDArray[Any]]
@@ -55,11 +56,13 @@ class IdealWorld:
     def __init__(self, scene: SceneSpec, num_worlds: int) -> None:
         self.scene, self.num_worlds = scene, num_worlds
         robot = scene.robot
-        self.approximations = _approximations(scene)
+        self.approximations = ("nothing touches anything",)
         self._law = ActuationLaw(robot or _NO_ROBOT)
         self._robot = Dynamics(robot, scene.gravity) if robot else None
         self._bodies = FreeBodies(scene) if scene.num_bodies else None
-        limits = [joint.limits or (-np.inf, np.inf) for joint in (robot or _NO_ROBOT).joints]
+        joints = (robot or _NO_ROBOT).joints
+        self._loss = np.array([joint.friction_loss for joint in joints])
+        limits = [joint.limits or (-np.inf, np.inf) for joint in joints]
         self._lower, self._upper = np.array(limits).reshape(-1, 2).T
         home = home_start(scene, num_worlds)
         self._data: Data = {item.name: getattr(home, item.name) for item in fields(Start)}
@@ -166,8 +169,13 @@ class IdealWorld:
         effort = self._law.joint_effort(geared, q, qd)
         poses = robot.kinematics.poses(*(now[name] for name in _POSE))
         velocities = [now[name] for name in _VELOCITY]
-        a = robot.acceleration(poses, *velocities, effort=effort, thrust=thrust, timestep=h)
-        base = a.shape[1] - q.shape[1]
+        base = robot.num_coordinates - q.shape[1]
+        if self._loss.any():
+            equations = robot.equations(poses, *velocities, effort=effort, thrust=thrust, timestep=h)
+            speed = np.concatenate([np.zeros((base, self.num_worlds)), qd.T])
+            a = rubbed(*equations, speed, np.concatenate([np.zeros(base), self._loss]), h).T
+        else:
+            a = robot.acceleration(poses, *velocities, effort=effort, thrust=thrust, timestep=h)
         qd = qd + h * a[:, base:]
         free = q + h * qd
         q = np.clip(free, self._lower, self._upper)
@@ -188,8 +196,3 @@ def _merge(mask: Mask, chosen: Data, other: Data) -> Data:
     return {
         name: np.where(mask.reshape(-1, *[1] * (array.ndim - 1)), chosen[name], array) for name, array in other.items()
     }
-
-
-def _approximations(scene: SceneSpec) -> tuple[str, ...]:
-    rubbing = [joint.name for joint in (scene.robot or _NO_ROBOT).joints if joint.friction_loss > 0.0]
-    return (f"dry friction of the joints {', '.join(rubbing)} is left out",) if rubbing else ()
