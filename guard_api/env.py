@@ -110,7 +110,7 @@ class Environment:
 
         Worlds whose episode ended start their next one in the same step.
         """
-        action = np.asarray(action, dtype=float)
+        action = np.asarray(action, dtype=np.float64)
         if action.shape != (self.num_worlds, self.action_size):
             raise SpecError(f"action has shape {action.shape}: expected {(self.num_worlds, self.action_size)}")
         previous = self._now

@@ -6,7 +6,7 @@ Importing this module registers every environment of the suite, so that
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -19,16 +19,16 @@ from guard_api.env import Environment, Step, make_environment
 from guard_api.spec import EnvSpec
 from guard_api.suite import known_names
 
-Observation = NDArray[np.float64]
+Observation = NDArray[Any]
 
 
-class GuardEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
+class GuardEnv(gymnasium.Env[Observation, NDArray[Any]]):
     """One world as a Gymnasium environment; `info["cost"]` is the summed cost, `info["costs"]` each by name.
 
     An unseeded `reset` goes on to the next episode of the current seed.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": []}
+    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 - Gymnasium declares it so
 
     def __init__(self, env: str | EnvSpec, backend: str = "mujoco", seed: int = 0) -> None:
         self.environment = make_environment(env, backend=backend, num_worlds=1, seed=seed, workers=1)
@@ -51,7 +51,7 @@ class GuardEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         """Advance one step; return observation, reward, terminated, truncated, info."""
         if self._ended:
             raise gymnasium.error.ResetNeeded("the episode is over: call reset() before step()")
-        step = self.environment.step(np.asarray(action, dtype=float)[None])
+        step = self.environment.step(np.asarray(action, dtype=np.float64)[None])
         self._ended = bool(step.terminated[0] or step.truncated[0])
         info = {
             "cost": float(step.costs[0].sum()),
@@ -68,14 +68,14 @@ class GuardEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self.environment.close()
 
 
-class GuardVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
+class GuardVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
     """N worlds as a Gymnasium vector environment; episodes that end restart in the same step.
 
     `info` holds "cost" (N,), "costs" (name -> (N,)) and "success" (N,); in a step that ends episodes also "final_obs"
     and "final_info" with their masks, as Gymnasium's same-step autoreset asks for.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": [], "autoreset_mode": AutoresetMode.SAME_STEP}
+    metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": AutoresetMode.SAME_STEP}  # noqa: RUF012
 
     def __init__(
         self, env: str | EnvSpec, num_envs: int = 1, backend: str = "mujoco", seed: int = 0, workers: int | None = None

@@ -59,7 +59,7 @@ class ActuationLaw:
 
     def geared(self, control: NDArray[np.floating]) -> Array:
         """Return gear * clip(control, ctrl_range): (N, U); constant over the substeps of one step."""
-        return np.clip(control, self.lower, self.upper) * self.gear
+        return np.clip(np.asarray(control, dtype=np.float64), self.lower, self.upper) * self.gear
 
     def joint_effort(self, geared: Array, q: Array, qd: Array) -> Array:
         """Return the actuators' effort on every joint: (N, J) [N m or N], from `geared` (N, U), `q`, `qd` (N, J)."""

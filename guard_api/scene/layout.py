@@ -58,7 +58,7 @@ class LayoutSampler:
         places = np.empty((len(streams), len(self.items), 2))
         pending = np.arange(len(streams))
         for _ in range(_LAYOUTS):
-            drawn = np.stack([streams[i].random((len(self.items), _TRIES, 2)) for i in pending])
+            drawn = np.stack([streams[i].random((len(self.items), _TRIES, 2)) for i in pending.tolist()])
             found, done = self._place(drawn)
             places[pending[done]] = found[done]
             pending = pending[~done]
@@ -82,7 +82,7 @@ class LayoutSampler:
         result = places[:, index].copy()
         pending = np.arange(len(places))
         for _ in range(_TRIES):
-            drawn = np.stack([streams[i].random((_TRIES, 2)) for i in pending])
+            drawn = np.stack([streams[i].random((_TRIES, 2)) for i in pending.tolist()])
             candidates = self._scale(drawn, self._keepouts[index])
             choice, done = _first_free(candidates, others[pending], reach)
             result[pending[done]] = choice[done]
