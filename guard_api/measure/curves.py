@@ -48,8 +48,8 @@ def draw_seeds(result: TransferResult) -> Figure:
     figure, axes = new_figure(9.6, 3.6, columns=len(POINTS))
     for ax, (quantity, text) in zip(axes, POINTS.items(), strict=True):
         factor = 100.0 if quantity == "violation" else 1.0
-        for index, source in enumerate(result.backends):
-            offset = 0.16 * (index - (len(result.backends) - 1) / 2)
+        for index, source in enumerate(result.sources):
+            offset = 0.16 * (index - (len(result.sources) - 1) / 2)
             x = np.arange(len(result.backends)) + offset
             y = factor * np.array([result.estimate(source, t, quantity)["per_seed"] for t in result.backends])
             colour = colour_of(result.backends, source)
@@ -73,7 +73,7 @@ def draw_seeds(result: TransferResult) -> Figure:
 
 
 def _name_backends(figure: Figure, ax: Axes, result: TransferResult, before: str = "") -> None:
-    for name in result.backends:
+    for name in result.sources:
         colour, marker = colour_of(result.backends, name), marker_of(result.backends, name)
         ax.plot([], [], marker=marker, color=colour, linewidth=1.3, markersize=4, label=before + name)
     figure.legend(*ax.get_legend_handles_labels(), loc="outside lower left", ncols=8, frameon=False, fontsize=8.5)

@@ -42,9 +42,9 @@ PANELS: Final = (
 
 def draw_matrix(result: TransferResult, titled: bool = True) -> Figure:
     """Draw one heat map per quantity: rows are where a policy was trained, columns where it runs."""
-    size = len(result.backends)
-    width = len(PANELS) * (size * 1.08 + 0.25) + 0.8
-    figure, axes = new_figure(width, (size + 1 + GAP) * 0.74 + 0.85 + 0.25 * titled, columns=len(PANELS))
+    rows, columns = len(result.sources), len(result.backends)
+    width = len(PANELS) * (columns * 1.08 + 0.25) + 0.8
+    figure, axes = new_figure(width, (rows + 1 + GAP) * 0.74 + 0.85 + 0.25 * titled, columns=len(PANELS))
     for index, (panel, ax) in enumerate(zip(PANELS, axes, strict=True)):
         _draw_panel(result, panel, ax, first=index == 0)
     if titled:
@@ -60,25 +60,25 @@ def write_matrix(out: Path | str) -> Path:
 
 
 def _draw_panel(result: TransferResult, panel: Panel, ax: Axes, first: bool) -> None:
-    backends = result.backends
-    size = len(backends)
+    backends, sources = result.backends, result.sources
+    size = len(sources)
     scale = _scale(result, panel)
     shades = LinearSegmentedColormap.from_list(panel.quantity, [PAPER, panel.colour])
     for column, target in enumerate(backends):
-        for row, source in enumerate(backends):
+        for row, source in enumerate(sources):
             estimate = result.estimate(source, target, panel.quantity)
             _draw_cell(ax, column, row, shades(scale(estimate["value"])))
             verdict = result.cell(source, target)["verdict"] if panel.quantity == "cost" else None
             _write_cell(ax, column, row, panel.quantity, estimate, verdict)
         _draw_cell(ax, column, size + GAP, RANDOM_FILL)
         _write_cell(ax, column, size + GAP, panel.quantity, result.estimate(RANDOM, target, panel.quantity), None)
-    for diagonal in range(size):
-        ax.add_patch(Rectangle((diagonal, diagonal), 1, 1, fill=False, edgecolor=INK, linewidth=1.4, zorder=3))
-    ax.set_xlim(-0.02, size + 0.02)
+    for row, source in enumerate(sources):
+        ax.add_patch(Rectangle((backends.index(source), row), 1, 1, fill=False, edgecolor=INK, linewidth=1.4, zorder=3))
+    ax.set_xlim(-0.02, len(backends) + 0.02)
     ax.set_ylim(size + 1 + GAP + 0.02, -0.02)
-    ax.set_xticks(np.arange(size) + 0.5, backends)
+    ax.set_xticks(np.arange(len(backends)) + 0.5, backends)
     ax.xaxis.tick_top()
-    ax.set_yticks([*(np.arange(size) + 0.5), size + GAP + 0.5], [*backends, "random\nactions"] if first else [])
+    ax.set_yticks([*(np.arange(size) + 0.5), size + GAP + 0.5], [*sources, "random\nactions"] if first else [])
     ax.tick_params(length=0, labelsize=9)
     for spine in ax.spines.values():
         spine.set_visible(False)
@@ -94,7 +94,7 @@ def _draw_panel(result: TransferResult, panel: Panel, ax: Axes, first: bool) -> 
 def _scale(result: TransferResult, panel: Panel) -> Normalize:
     """Return the colour scale: from zero for costs, from the random policy (or the worst cell) for the return."""
     backends = result.backends
-    values = [result.estimate(s, t, panel.quantity)["value"] for s in backends for t in backends]
+    values = [result.estimate(s, t, panel.quantity)["value"] for s in result.sources for t in backends]
     floor = 0.0
     if panel.quantity == "return":
         floor = min(values + [result.estimate(RANDOM, t, "return")["value"] for t in backends])

@@ -19,7 +19,9 @@ PLAN_FORMAT: Final = "guard-transfer-plan-1"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TransferPlan:
-    """Train `algorithm` in every backend with every seed; run every policy in every backend.
+    """Train `algorithm` in the backends `train_on` with every seed; run every policy in all `backends`.
+
+    train_on: a subset of `backends`; empty for all of them.
 
     config: an instance of the algorithm's `config_type`. total_steps, num_worlds: of each training.
     episodes: per policy and backend. eval_worlds: worlds of an evaluation; part of the plan, because the start of an
@@ -32,6 +34,7 @@ class TransferPlan:
     algorithm: str
     config: Any
     backends: tuple[str, ...]
+    train_on: tuple[str, ...] = ()
     seeds: tuple[int, ...]
     total_steps: int
     num_worlds: int = 30
@@ -46,6 +49,11 @@ class TransferPlan:
             values = getattr(self, name)
             if not values or len(set(values)) < len(values):
                 raise SpecError(f"{name} = {list(values)}: give at least one, each once")
+        strangers = sorted(set(self.train_on) - set(self.backends))
+        if strangers or len(set(self.train_on)) < len(self.train_on):
+            raise SpecError(
+                f"train_on = {list(self.train_on)}: must be some of the backends {list(self.backends)}, each once"
+            )
         for name in ("total_steps", "num_worlds", "episodes", "eval_worlds"):
             if getattr(self, name) < 1:
                 raise SpecError(f"{name} = {getattr(self, name)}: must be at least 1")
@@ -54,6 +62,11 @@ class TransferPlan:
             raise SpecError(
                 f"seeds = {list(self.seeds)}: must not be negative nor reach the evaluation's {sorted(both)}"
             )
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """The backends that policies are trained in."""
+        return self.train_on or self.backends
 
     @property
     def limit(self) -> float | None:

@@ -18,6 +18,7 @@ class TransferResult:
     def __init__(self, data: Mapping[str, Any]) -> None:
         self.manifest: dict[str, Any] = data["manifest"]
         self.backends: list[str] = data["backends"]
+        self.sources: list[str] = data["sources"]
         self.seeds: list[int] = data["seeds"]
         self.cost_names: list[str] = data["cost_names"]
         self.cost_limit: float | None = data["cost_limit"]

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from itertools import permutations
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -75,7 +74,7 @@ class Transfer:
 
 
 def summarise(tables: Tables, cost_limit: float | None) -> tuple[list[Cell], list[Transfer]]:
-    """Return every cell and every ordered pair of backends of a complete matrix, the random policy's row included.
+    """Return every cell and every change of backend in a complete matrix, the random policy's row included.
 
     Raises ValueError when tables that must be paired are not of the same episodes.
     """
@@ -83,8 +82,8 @@ def summarise(tables: Tables, cost_limit: float | None) -> tuple[list[Cell], lis
     first = next(iter(tables.values()))
     bootstrap = Bootstrap(len(first), first[0].episodes)
     cells = [_cell(source, target, rows, bootstrap, cost_limit) for (source, target), rows in tables.items()]
-    backends = list(dict.fromkeys(target for _, target in tables))
-    transfers = [_transfer(s, t, tables, bootstrap, cost_limit) for s, t in permutations(backends, 2)]
+    pairs = [(s, t) for s, t in tables if s not in (t, RANDOM)]
+    transfers = [_transfer(s, t, tables, bootstrap, cost_limit) for s, t in pairs]
     return cells, transfers
 
 

@@ -62,7 +62,7 @@ def seed_table(result: TransferResult) -> str:
     """Return the mean return and cost of every single policy in every engine."""
     head = ["trained in", "seed", *(f"{text} in {t}" for t in result.backends for text in ("return", "cost"))]
     rows = []
-    for source in result.backends:
+    for source in result.sources:
         for index, seed in enumerate(result.seeds):
             cells = [escape(source), str(seed)]
             for target in result.backends:

@@ -107,7 +107,7 @@ def train_all(
     workers: int | None = None,
 ) -> bool:
     """Train every missing policy, `jobs` at a time in processes of their own; return whether all are finished."""
-    missing = [(b, s) for b in plan.backends for s in plan.seeds if not is_trained(out, b, s)]
+    missing = [(b, s) for b in plan.sources for s in plan.seeds if not is_trained(out, b, s)]
     if jobs > 1 and len(missing) > 1:
         return _train_in_processes(plan, out, missing, report, should_stop, jobs, workers)
     return all(train(plan, out, backend, seed, report, should_stop, workers) for backend, seed in missing)

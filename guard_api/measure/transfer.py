@@ -1,4 +1,4 @@
-"""The transfer experiment: train in every backend, run every policy in every backend, write down what changed.
+"""The transfer experiment: train in some backends, run every policy in every backend, write down what changed.
 
 A folder holds `plan.json`; `train/<backend>/seed<k>/`, one run directory each; `cells/*.json`, one policy in one
 backend each; and, once all are there, `transfer.json`, from which `matrix.png` and `report.html` are made. Nothing
@@ -75,7 +75,7 @@ class _TrainingCounter:
     """Turns training rows into `Progress`."""
 
     def __init__(self, plan: TransferPlan, out: Path, report: Callable[[Progress], None]) -> None:
-        self._runs = [(b, s) for b in plan.backends for s in plan.seeds]
+        self._runs = [(b, s) for b in plan.sources for s in plan.seeds]
         self._out, self._report = out, report
 
     def __call__(self, backend: str, seed: int, row: Mapping[str, float]) -> None:
@@ -93,7 +93,7 @@ def _evaluate_all(
     report: Callable[[Progress], None],
     should_stop: Callable[[], bool],
 ) -> bool:
-    sources = (*plan.backends, RANDOM)
+    sources = (*plan.sources, RANDOM)
     total = len(plan.backends) * len(sources) * len(plan.seeds)
     done = 0
     for target in plan.backends:
@@ -161,15 +161,16 @@ def _read_cell(plan: TransferPlan, out: Path, source: str, target: str, seed: in
 def _result(plan: TransferPlan, out: Path) -> dict[str, Any]:
     raw = {
         (source, target): [_read_cell(plan, out, source, target, seed) for seed in plan.seeds]
-        for source in (*plan.backends, RANDOM)
+        for source in (*plan.sources, RANDOM)
         for target in plan.backends
     }
     tables: Tables = {key: [EpisodeTable.from_json(c["episodes"]) for c in cells] for key, cells in raw.items()}
     cells, transfers = summarise(tables, plan.limit)
     return {
         "format": TRANSFER_FORMAT,
-        "manifest": _manifest(plan, out, {b: raw[b, b][0]["approximations"] for b in plan.backends}),
+        "manifest": _manifest(plan, out, {b: raw[RANDOM, b][0]["approximations"] for b in plan.backends}),
         "backends": list(plan.backends),
+        "sources": list(plan.sources),
         "seeds": list(plan.seeds),
         "cost_names": list(tables[RANDOM, plan.backends[0]][0].cost_names),
         "cost_limit": plan.limit,
@@ -186,7 +187,7 @@ def _result(plan: TransferPlan, out: Path) -> dict[str, Any]:
         "transfers": [transfer.to_json() for transfer in transfers],
         "training": [
             {"backend": b, "seed": k, "rows": RunDirectory.open(run_path(out, b, k)).rows()}
-            for b in plan.backends
+            for b in plan.sources
             for k in plan.seeds
         ],
     }

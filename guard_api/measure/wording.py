@@ -73,7 +73,7 @@ def pair_sentence(result: TransferResult, transfer: Mapping[str, Any]) -> str:
 def headline(result: TransferResult) -> tuple[str, str]:
     """Return the sentence for the pair with the largest rise of cost, and one that says what it stands for."""
     if not result.transfers:
-        only = result.backends[0]
+        only = result.sources[0]
         gained, cost = (value_text(name, result.estimate(only, only, name)) for name in ("return", "cost"))
         return (
             f"Policies trained in {only} reach a return of {gained} at a constraint cost of {cost}.",
@@ -83,11 +83,9 @@ def headline(result: TransferResult) -> tuple[str, str]:
     gap = worst["gaps"]["cost"]
     interval = interval_text("cost", gap, signed=True)
     count = len(result.transfers)
-    largest = f"Of {count} ordered pairs of engines this is the one whose cost rises most"
+    largest = f"Of {count} changes of engine this is the one whose cost rises most"
     if gap["value"] <= 0.0:
-        largest = (
-            f"In none of the {count} ordered pairs of engines the cost rises; this is the one where it falls least"
-        )
+        largest = f"In none of the {count} changes of engine the cost rises; this is the one where it falls least"
     detail = f"{largest}: by {value_text('cost', gap, signed=True)} per episode"
     detail += f", 95\u202f% interval {interval}." if interval else f" ({gap['reason']})."
     return pair_sentence(result, worst), detail
