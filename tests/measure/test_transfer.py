@@ -10,6 +10,7 @@ import pytest
 
 from guard_api.errors import RunError, SpecError
 from guard_api.measure.plan import TransferPlan
+from guard_api.measure.report import write_report
 from guard_api.measure.training import run_path
 from guard_api.measure.transfer import Progress, run_transfer
 from tests.measure.conftest import EPOCHS, ToyConfig
@@ -176,6 +177,20 @@ def test_one_backend_or_one_seed_is_a_small_matrix(toy, make_plan, tmp_path: Pat
     assert estimate["reason"] == "no interval below 3 seeds"
 
 
+def test_training_in_one_backend_gives_one_row(toy, make_plan, tmp_path: Path):
+    out = run_transfer(make_plan(train_on=("twin",)), tmp_path)
+    result = read(out)
+    assert {(cell["source"], cell["target"]) for cell in result["cells"]} == {
+        (source, target) for source in ("twin", "random") for target in ("exact", "twin", "strong")
+    }
+    assert [(t["source"], t["target"]) for t in result["transfers"]] == [("twin", "exact"), ("twin", "strong")]
+    assert {backend for backend, _, _ in toy.algorithm.log} == {"twin"}
+    assert write_report(tmp_path).exists()
+    # Further rows may be added later; what is there is kept.
+    again = read(run_transfer(make_plan(), tmp_path))
+    assert find(again["cells"], "twin", "strong") == find(result["cells"], "twin", "strong")
+
+
 def test_progress_counts_up(toy, make_plan, tmp_path: Path):
     seen: list[Progress] = []
     run_transfer(make_plan(), tmp_path, report=seen.append)
@@ -188,7 +203,16 @@ def test_progress_counts_up(toy, make_plan, tmp_path: Path):
 
 @pytest.mark.parametrize(
     "change",
-    [{"seeds": ()}, {"seeds": (1, 1)}, {"backends": ()}, {"episodes": 0}, {"seeds": (-1,)}, {"evaluation_seed": 1}],
+    [
+        {"seeds": ()},
+        {"seeds": (1, 1)},
+        {"backends": ()},
+        {"episodes": 0},
+        {"seeds": (-1,)},
+        {"evaluation_seed": 1},
+        {"train_on": ("exact", "exact")},
+        {"train_on": ("elsewhere",)},
+    ],
 )
 def test_plans_that_mean_nothing_are_refused(make_plan, change):
     with pytest.raises(SpecError):
