@@ -27,7 +27,10 @@ class Base:
 
 
 def resolve_base(tree: Tree, side: SideFile, problems: Problems) -> Base:
-    """Return the base that the side file states or that a planar or floating joint on a link `world` means."""
+    """Return the base that the side file states or that a planar or floating joint on a link `world` means.
+
+    Raises ModelError with all `problems` when several joints hang on such a `world`, since then no tree is left.
+    """
     first = tree.joints[0] if tree.joints else None
     stated: BaseKind | None = None
     height = side.height or 0.0
@@ -105,6 +108,7 @@ def _below_world(tree: Tree, problems: Problems) -> Tree:
     for other in tree.joints[1:]:
         if other.parent == WORLD:
             problems.error(other.place, f"joints {base.name!r} and {other.name!r} both hang on {WORLD!r}: keep one")
+            raise problems.as_error()  # below the world there would be two trees
     return Tree(name=tree.name, links=tree.links[1:], joints=tree.joints[1:])
 
 

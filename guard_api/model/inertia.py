@@ -141,9 +141,9 @@ def _of_hull(vertices: Sequence[Vector3], density: float) -> MassProperties:
     corners = (points - middle)[hull.simplices]
     volumes = np.abs(np.linalg.det(corners)) / 6.0
     sums = corners.sum(axis=1)
-    mass = density * float(volumes.sum())
-    com = density * (volumes[:, None] * sums).sum(axis=0) / (4.0 * mass)
+    volume = float(volumes.sum())
+    com = volumes @ sums / (4.0 * volume)
     second = np.einsum("t,tki,tkj->ij", volumes, corners, corners) + np.einsum("t,ti,tj->ij", volumes, sums, sums)
-    second = density * second / 20.0 - mass * np.outer(com, com)
-    inertia = np.trace(second) * np.eye(3) - second
-    return MassProperties(mass=mass, com=as_vector(com + middle), inertia=as_matrix(inertia))
+    second = second / 20.0 - volume * np.outer(com, com)
+    inertia = density * (np.trace(second) * np.eye(3) - second)
+    return MassProperties(mass=density * volume, com=as_vector(com + middle), inertia=as_matrix(inertia))

@@ -66,6 +66,9 @@ from guard_api.shapes import ORIGIN, Pose, Vector3
 DEFAULT = "default"
 """The key of `[friction]` and `[armature]` for everything that is not named there."""
 
+LEAST_DENSITY = 1e-9
+"""Density [kg/m^3] below which masses of small shapes would vanish in rounding."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SideFile:
@@ -111,7 +114,7 @@ def read_side_file(path: Path, problems: Problems) -> SideFile:
         timestep=top.number("timestep", 0.002, above=0.0),
         substeps=top.integer("substeps", 10, at_least=1),
         collide_ground=top.boolean("collide_ground", True) if "collide_ground" in top else None,
-        density=top.number("density", above=0.0) if "density" in top else None,
+        density=top.number("density", above=LEAST_DENSITY) if "density" in top else None,
         touch=top.texts("touch"),
         base=kind,
         base_damping=damping,

@@ -36,6 +36,7 @@ class Table:
             return self._wrong(key, value, "a finite number", default, 1.0)
         if value <= above:
             self.error(key, f"{value!r} must be greater than {above:g}")
+            return 1.0 if default is None else default
         return float(value)
 
     def integer(self, key: str, default: int, *, at_least: int) -> int:
@@ -45,7 +46,7 @@ class Table:
             return self._wrong(key, value, "a whole number", default, at_least)
         if value < at_least:
             self.error(key, f"{value!r} must be at least {at_least}")
-        return value
+        return max(value, at_least)
 
     def boolean(self, key: str, default: bool) -> bool:
         """Return true or false."""

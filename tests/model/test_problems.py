@@ -303,6 +303,12 @@ def test_a_base_that_is_stated_twice_and_differently(tmp_path: Path) -> None:
     assert "robot.toml: base.kind: 'floating' contradicts the root link 'world'" in lines[0]
 
 
+def test_two_robots_on_one_world(tmp_path: Path) -> None:
+    one, two = (joint("floating", ends=f'<parent link="world"/><child link="{name}"/>') for name in "ab")
+    lines = complaint(tmp_path, robot('<link name="world"/>', A, B, one, two.replace('"j"', '"k"')))
+    assert lines == ["r.urdf:6: joints 'j' and 'k' both hang on 'world': keep one"]
+
+
 def test_meshes_that_cannot_be_used(tmp_path: Path) -> None:
     (tmp_path / "rubbish.stl").write_bytes(b"\x00\x01rubbish")
     (tmp_path / "flat.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
