@@ -8,9 +8,11 @@ from dataclasses import asdict, dataclass
 from typing import Any, Literal, TypeAlias
 
 from guard_api.errors import SpecError, unknown_name
+from guard_api.model.robot import RobotModel
 from guard_api.physics.backend import Backend, Capabilities
 from guard_api.testing.checks import ALL
 from guard_api.testing.checks.check import Check, Finding
+from guard_api.testing.checks.own_robot import robot_checks
 
 Status: TypeAlias = Literal["passed", "failed", "error", "gap", "gap passes"]
 
@@ -69,24 +71,21 @@ class ConformanceReport:
 
 
 def run_conformance(
-    backend: Backend, clauses: Iterable[str] | None = None, names: Iterable[str] | None = None
+    backend: Backend, clauses: Iterable[str] | None = None, robots: Iterable[RobotModel] = ()
 ) -> ConformanceReport:
-    """Run the checks of `clauses` (all when None), or only those called `names`, on `backend`.
+    """Run the checks of `clauses` (all when None) on `backend`, and those of its mechanics on `robots` besides.
 
     A check that does not hold is a gap when the backend's capabilities declare one for its clause or name. Checks of
     declared gaps run all the same; those that need contacts do not run on a backend without any, and say so.
-    Raises SpecError for an unknown clause or check.
+    Raises SpecError for an unknown clause.
     """
     wanted = tuple(clauses) if clauses is not None else CLAUSES
-    selected = [item for item in ALL if item.clause in wanted]
     for clause in wanted:
         if clause not in CLAUSES:
             raise unknown_name("conformance clause", clause, CLAUSES)
-    if names is not None:
-        selected = [find(name) for name in names]
-    results = [run_check(backend, item) for item in selected]
-    if clauses is None and names is None:
-        results += _foreign_gaps(backend.capabilities)
+    checks = [*ALL, *(item for robot in robots for item in robot_checks(robot))]
+    results = [run_check(backend, item) for item in checks if item.clause in wanted]
+    results += _foreign_gaps(backend.capabilities)
     return ConformanceReport(
         backend=backend.name, versions=backend.versions(), precision=backend.capabilities.precision,
         results=tuple(results),
@@ -125,7 +124,8 @@ def _result(item: Check, status: Status, findings: tuple[Finding, ...], reason: 
 
 def _declared(capabilities: Capabilities, item: Check) -> str | None:
     """Return why the backend says that it cannot meet `item`, or None when it promises to."""
-    reason = capabilities.gaps.get(item.name) or capabilities.gaps.get(item.clause)
+    name = item.name.split(":")[0]  # a check of one robot carries its name behind the colon
+    reason = capabilities.gaps.get(name) or capabilities.gaps.get(item.clause)
     if reason is None and item.exact_snapshot and not capabilities.exact_snapshot:
         return "a run continued after restore is not bit-identical (capabilities.exact_snapshot is False)"
     return reason

@@ -8,13 +8,14 @@ from guard_api.testing.checks import (
     mechanics,
     motion,
     pushing,
+    shapes,
     snapshot,
     stepping,
     touch,
 )
 from guard_api.testing.checks.check import Check
 
-_MODULES = (frames, mechanics, stepping, actuation, touch, isolation, snapshot, motion, contact, pushing)
+_MODULES = (frames, mechanics, shapes, stepping, actuation, touch, isolation, snapshot, motion, contact, pushing)
 
 ALL: tuple[Check, ...] = tuple(
     sorted(

@@ -162,15 +162,15 @@ def arrays_are_the_callers(backend: Backend) -> list[Finding]:
         first = world.state()
         kept = {item.name: getattr(first, item.name).copy() for item in fields(State)}
         swing(world, 3)
-        changed = [name for name, array in kept.items() if array.tobytes() != getattr(first, name).tobytes()]
         before = world.state()
+        changed = [name for name, array in kept.items() if array.tobytes() != getattr(first, name).tobytes()]
         scratch = world.state()
         for item in fields(State):
             array = getattr(scratch, item.name)
             if array.flags.writeable:
                 array[...] = 0
         return [
-            count("arrays changed by a later step", changed),
+            count("arrays changed by later calls", changed),
             count("arrays of the world changed by a caller", differing(before, world.state())),
         ]
 

@@ -1,0 +1,332 @@
+"""Each check can fail: a backend with one deliberate fault fails the check that is there to find it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from guard_api import plugins, rotations
+from guard_api.errors import BackendError, PluginError
+from guard_api.testing.conformance import find, run_check
+from guard_api.testing.ideal.world import IdealBackend, IdealWorld
+
+VELOCITIES = ("base_linear_velocity", "base_angular_velocity", "joint_velocity")
+
+
+class FaultyBackend(IdealBackend):
+    """The ideal backend with another world, another scene than it was asked for, or a false promise."""
+
+    def __init__(self, world=IdealWorld, scene=lambda scene: scene, **capabilities):
+        self.world, self.scene = world, scene
+        self.capabilities = replace(self.capabilities, **capabilities)
+
+    def build(self, scene, num_worlds, threads=1):
+        return self.world(self.scene(scene), num_worlds)
+
+
+def faulty_state(change):
+    """A world whose states are reported through `change`."""
+
+    class World(IdealWorld):
+        def state(self):
+            true = super().state()
+            return replace(true, **change(true, self.scene.robot))
+
+    return World
+
+
+def with_joints(**values):
+    """A backend that builds every joint with other values than the model's."""
+
+    def change(scene):
+        joints = tuple(replace(joint, **values) for joint in scene.robot.joints)
+        return replace(scene, robot=replace(scene.robot, joints=joints))
+
+    return FaultyBackend(scene=change)
+
+
+def with_links(change):
+    """A backend that builds changed links."""
+
+    def of_scene(scene):
+        return replace(scene, robot=replace(scene.robot, links=tuple(change(link) for link in scene.robot.links)))
+
+    return FaultyBackend(scene=of_scene)
+
+
+def at_com(state, robot):
+    arm = rotations.rotate(state.link_quaternion, np.array([link.com for link in robot.links]))
+    return {
+        "link_position": state.link_position + arm,
+        "link_linear_velocity": state.link_linear_velocity + rotations.cross(state.link_angular_velocity, arm),
+    }
+
+
+class Stale(IdealWorld):
+    """Reports link poses of before the last step, as an engine without a forward pass does."""
+
+    def step(self, control, substeps):
+        self.old = super().state()
+        super().step(control, substeps)
+
+    def state(self):
+        now = super().state()
+        old = getattr(self, "old", now)
+        return replace(now, link_position=old.link_position, link_quaternion=old.link_quaternion)
+
+
+class HeldEffort(IdealWorld):
+    """Evaluates servos once per step."""
+
+    def step(self, control, substeps):
+        effort = self._law.joint_effort(self._law.geared(control), self._data["joint_position"],
+                                        self._data["joint_velocity"])  # fmt: skip
+        law = self._law.joint_effort
+        self._law.joint_effort = lambda geared, q, qd: effort
+        super().step(control, substeps)
+        self._law.joint_effort = law
+
+
+class ShortStep(IdealWorld):
+    """Advances one substep too few."""
+
+    def step(self, control, substeps):
+        super().step(control, max(1, substeps - 1))
+
+
+class RoundedClock(IdealWorld):
+    """Keeps time in float32."""
+
+    def step(self, control, substeps):
+        super().step(control, substeps)
+        self._data["time"] = self._data["time"].astype(np.float32).astype(float)
+
+
+class Disturbed(IdealWorld):
+    """Moves by one rounding unit when it is looked at."""
+
+    def state(self):
+        state = super().state()
+        self._data["joint_velocity"] = np.nextafter(self._data["joint_velocity"], np.inf)
+        return state
+
+
+class LiveViews(IdealWorld):
+    """Hands out the same array each time."""
+
+    def state(self):
+        state = super().state()
+        if not hasattr(self, "view"):
+            self.view = state.joint_position
+        self.view[...] = state.joint_position
+        return replace(state, joint_position=self.view)
+
+
+class WholeReset(IdealWorld):
+    """Resets all worlds, whatever the mask."""
+
+    def reset(self, mask, start):
+        super().reset(np.ones_like(mask), start)
+
+
+class LingeringReset(IdealWorld):
+    """Keeps the velocities over a reset after the first."""
+
+    def reset(self, mask, start):
+        kept = {name: self._data[name] for name in VELOCITIES}
+        super().reset(mask, start)
+        if hasattr(self, "started"):
+            self._data |= kept
+        self.started = True
+
+
+class Coupled(IdealWorld):
+    """Lets the number of worlds into the last bits of each."""
+
+    def step(self, control, substeps):
+        super().step(control, substeps)
+        self._data["joint_velocity"] = self._data["joint_velocity"] * (1.0 + 1e-15 * self.num_worlds)
+
+
+class Leaking(IdealWorld):
+    """Lets the mean speed of all worlds into each."""
+
+    def step(self, control, substeps):
+        super().step(control, substeps)
+        self._data["joint_velocity"] = self._data["joint_velocity"] + 1e-12 * self._data["joint_velocity"].mean()
+
+
+class Raising(IdealWorld):
+    """Raises on a NaN."""
+
+    def step(self, control, substeps):
+        if not np.isfinite(control).all():
+            raise ValueError("NaN")
+        super().step(control, substeps)
+
+
+class SilentReset(IdealWorld):
+    """Puts a world that failed back to zero and says that all is well."""
+
+    def step(self, control, substeps):
+        super().step(control, substeps)
+        bad = ~self._data["ok"]
+        self._data["joint_velocity"] = np.where(bad[:, None], 0.0, self._data["joint_velocity"])
+        self._data["ok"] = np.ones_like(bad)
+
+
+class Forgetful(IdealWorld):
+    """Leaves the velocities out of its snapshots."""
+
+    def restore(self, blob):
+        super().restore(blob)
+        self._data |= {name: np.zeros_like(self._data[name]) for name in VELOCITIES}
+
+
+class Credulous(IdealWorld):
+    """Takes any bytes for a snapshot."""
+
+    def restore(self, blob):
+        try:
+            super().restore(blob)
+        except BackendError:
+            return
+
+
+def bad_order(scene):
+    robot = scene.robot
+    return replace(scene, robot=replace(robot, actuators=tuple(reversed(robot.actuators))))
+
+
+FAULTS = {
+    "velocities in link axes": (
+        FaultyBackend(faulty_state(lambda s, r: {
+            "link_linear_velocity": rotations.unrotate(s.link_quaternion, s.link_linear_velocity)})),
+        ["links_after_reset", "links_after_motion"],
+    ),
+    "angular velocities in link axes": (
+        FaultyBackend(faulty_state(lambda s, r: {
+            "link_angular_velocity": rotations.unrotate(s.link_quaternion, s.link_angular_velocity)})),
+        ["links_after_reset"],
+    ),
+    "poses and velocities at the com": (FaultyBackend(faulty_state(at_com)), ["links_after_reset"]),
+    "velocities at the com": (
+        FaultyBackend(faulty_state(lambda s, r: {"link_linear_velocity": at_com(s, r)["link_linear_velocity"]})),
+        ["links_after_reset", "velocities_are_derivatives", "thrust_law"],
+    ),
+    "poses one step old": (FaultyBackend(Stale), ["links_after_motion"]),
+    "quaternions with w last": (
+        FaultyBackend(faulty_state(lambda s, r: {"link_quaternion": np.roll(s.link_quaternion, -1, axis=-1)})),
+        ["quaternion_convention", "radians_and_sense", "links_after_reset"],
+    ),
+    "quaternions of the world in the link": (
+        FaultyBackend(faulty_state(lambda s, r: {"link_quaternion": rotations.conjugate(s.link_quaternion)})),
+        ["quaternion_convention"],
+    ),
+    "degrees": (
+        FaultyBackend(faulty_state(lambda s, r: {"joint_position": np.rad2deg(s.joint_position)})),
+        ["radians_and_sense", "joint_order"],
+    ),
+    "gravity turned": (
+        FaultyBackend(scene=lambda s: replace(s, gravity=(s.gravity[2], s.gravity[0], s.gravity[1]))),
+        ["gravity_axes", "free_fall", "pendulum_swing", "acceleration"],
+    ),
+    "joints in another order": (
+        FaultyBackend(faulty_state(lambda s, r: {"joint_position": s.joint_position[:, ::-1].copy()})),
+        ["joint_order"],
+    ),
+    "actuators in another order": (FaultyBackend(scene=bad_order), ["actuator_order", "acceleration"]),
+    "float32 arrays": (
+        FaultyBackend(faulty_state(lambda s, r: {"joint_position": s.joint_position.astype(np.float32)})),
+        ["shapes_and_types"],
+    ),
+    "extra damping": (with_joints(damping=0.04), ["effort_law", "acceleration", "no_speed_limits", "pendulum_swing"]),
+    "damping dropped": (with_joints(damping=0.0), ["damping_is_implicit", "chain_trajectory"]),
+    "armature dropped": (with_joints(armature=0.0), ["armature_adds_inertia", "mass_matrix", "floating_mass_matrix"]),
+    "limits dropped": (with_joints(limits=None), ["joint_stops"]),
+    "effort limits dropped": (with_joints(effort_limit=np.inf), ["efforts_are_limited"]),
+    "joint axes negated": (
+        FaultyBackend(scene=lambda s: replace(s, robot=replace(s.robot, joints=tuple(
+            replace(j, axis=tuple(-x for x in j.axis)) for j in s.robot.joints)))),
+        ["radians_and_sense", "links_after_reset"],
+    ),
+    "a mass off by 1e-5": (with_links(lambda link: replace(link, mass=link.mass * 1.00001)), ["link_inertials"]),
+    "a com at the link frame": (
+        with_links(lambda link: replace(link, com=(0.0, 0.0, 0.0))),
+        ["link_inertials", "mass_matrix", "bias_force", "acceleration", "base_acceleration", "thrust_law"],
+    ),
+    "inertia without its products": (
+        with_links(lambda link: replace(link, inertia=tuple(map(tuple, np.diag(np.diag(link.inertia)))))),
+        ["link_inertials", "floating_mass_matrix", "chain_trajectory"],
+    ),
+    "gears dropped": (
+        FaultyBackend(scene=lambda s: replace(s, robot=replace(s.robot, actuators=tuple(
+            replace(a, gear=1.0) for a in s.robot.actuators)))),
+        ["effort_law", "position_law", "velocity_law", "thrust_law"],
+    ),
+    "controls not clipped": (
+        FaultyBackend(scene=lambda s: replace(s, robot=replace(s.robot, actuators=tuple(
+            replace(a, ctrl_range=(-np.inf, np.inf)) for a in s.robot.actuators)))),
+        ["control_is_clipped"],
+    ),
+    "servos once per step": (FaultyBackend(HeldEffort), ["law_at_every_substep"]),
+    "one substep too few": (FaultyBackend(ShortStep), ["time_advances", "substeps_compose"]),
+    "a float32 clock": (FaultyBackend(RoundedClock), ["time_advances"]),
+    "looking disturbs": (FaultyBackend(Disturbed), ["looking_changes_nothing"]),
+    "live views": (FaultyBackend(LiveViews), ["arrays_are_the_callers"]),
+    "a reset of all worlds": (FaultyBackend(WholeReset), ["reset_is_selective"]),
+    "a reset that lingers": (FaultyBackend(LingeringReset), ["reset_forgets"]),
+    "bits that depend on N": (FaultyBackend(Coupled), ["worlds_are_alone"]),
+    "bits that depend on other worlds": (FaultyBackend(Leaking), ["worlds_are_alone", "reset_is_selective"]),
+    "an exception for a NaN": (FaultyBackend(Raising), ["a_nan_stays_alone"]),
+    "a silent reset": (FaultyBackend(SilentReset), ["a_nan_stays_alone", "a_blow_up_stays_alone"]),
+    "snapshots without velocities": (
+        FaultyBackend(Forgetful), ["restore_repeats", "restore_returns"],
+    ),
+    "any bytes taken for a snapshot": (FaultyBackend(Credulous), ["foreign_snapshots_refused"]),
+    "contacts promised but not there": (
+        FaultyBackend(contacts=True),
+        ["touch_covers_all_substeps", "contact_flag_covers_all_substeps", "reset_clears_readouts", "resting_robot",
+         "resting_bodies", "incline_sticks", "collision_keeps_momentum", "static_bodies_block", "driven_bodies_push"],
+    ),
+}  # fmt: skip
+
+CASES = [(fault, name) for fault, (_, names) in FAULTS.items() for name in names]
+
+
+@pytest.mark.parametrize(("fault", "name"), CASES, ids=[f"{fault}: {name}" for fault, name in CASES])
+def test_fault_is_found(fault, name):
+    result = run_check(FAULTS[fault][0], find(name))
+    assert result.status in {"failed", "error"}, f"{name} does not notice {fault}"
+
+
+class LastSubstepTouch:
+    """A world of a real engine that reports touch of the last substep only."""
+
+    def __init__(self, world):
+        self.world = world
+
+    def __getattr__(self, name):
+        return getattr(self.world, name)
+
+    def step(self, control, substeps):
+        for _ in range(substeps):
+            self.world.step(control, 1)
+
+
+@pytest.mark.parametrize("name", ["touch_covers_all_substeps", "contact_flag_covers_all_substeps"])
+def test_touch_of_the_last_substep_alone_is_found(name):
+    try:
+        engine = plugins.load("guard.backends", "mujoco")
+    except PluginError as problem:
+        pytest.skip(str(problem))
+
+    class Backend:
+        name, capabilities = engine.name, engine.capabilities
+
+        def build(self, scene, num_worlds, threads=1):
+            return LastSubstepTouch(engine.build(scene, num_worlds, threads))
+
+    assert run_check(Backend(), find(name)).status == "failed"
