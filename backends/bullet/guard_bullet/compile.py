@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from guard_api.errors import BackendError
 from guard_api.scene.spec import BodySpec, SceneSpec
 from guard_api.shapes import Mesh
-from guard_bullet.engine import Client, connect, disconnect, pybullet
+from guard_bullet.dominance import rotor_joints
+from guard_bullet.engine import Client, connect, disconnect, pybullet, solve_directly
 from guard_bullet.robot import BASE, build_robot, neutralise
 from guard_bullet.shapes import body_collision, body_frame, collision_shape, xyzw
 from guard_bullet.surfaces import Surfaces, surfaces
@@ -46,6 +47,8 @@ def build_instance(scene: SceneSpec) -> Instance:
     """
     client = connect(scene)
     try:
+        if scene.robot and rotor_joints(scene.robot):
+            solve_directly(client)
         surface = surfaces(scene)
         ground = _build_ground(client, surface) if scene.ground else None
         robot = build_robot(client, scene.robot, surface) if scene.robot else NO_ROBOT
@@ -95,7 +98,7 @@ def _scatter(client: Client, bodies: list[int]) -> None:
 
 def approximations(scene: SceneSpec) -> tuple[str, ...]:
     """Return what of `scene` this engine does not express exactly, one sentence each."""
-    return (*surface_approximations(scene), *_shape_approximations(scene))
+    return (*surface_approximations(scene), *_shape_approximations(scene), *_armature_approximations(scene))
 
 
 def _build_ground(client: Client, surface: Surfaces) -> int:
@@ -126,6 +129,18 @@ def _build_body(client: Client, spec: BodySpec, surface: Surfaces) -> int:
         friction, restitution = surface.of_mover(spec.friction, spec.restitution)
     neutralise(client, body, BASE, friction=friction, restitution=restitution)
     return body
+
+
+def _armature_approximations(scene: SceneSpec) -> Iterator[str]:
+    if scene.robot is None or not any(link.collisions for link in scene.robot.links):
+        return
+    led = rotor_joints(scene.robot)
+    names = [joint.name for i, joint in enumerate(scene.robot.joints) if i in led]
+    if names:
+        yield f"contacts reach the armature of joints {', '.join(names)} one substep late"
+    names = [joint.name for i, joint in enumerate(scene.robot.joints) if joint.armature > 0.0 and i not in led]
+    if names:
+        yield f"contacts and stops feel joints {', '.join(names)} without their armature"
 
 
 def _shape_approximations(scene: SceneSpec) -> Iterator[str]:

@@ -23,14 +23,16 @@ FIELDS = ("q", "qd", "base_position", "base_quaternion", "base_linear", "base_an
 class RobotMotion:
     """Joint and base coordinates of N worlds in GUARD's conventions, mirrored from the engine.
 
-    q, qd: (N, J). base_position, base_linear, base_angular: (N, 3), base_quaternion: (N, 4) of the first link's frame,
-    world axes. finite: (N,) False once the engine's numbers of a world were not; the arrays keep the last finite ones.
-    The engine speaks of the base's centre of mass and principal axes instead; only a floating base moves.
+    q, qd: (N, J). motor_torque: (N, J) of the engine's velocity motors in the last substep. base_position, base_linear,
+    base_angular: (N, 3), base_quaternion: (N, 4) of the first link's frame, world axes. finite: (N,) False once the
+    engine's numbers of a world were not; the arrays keep the last finite ones. The engine speaks of the base's centre
+    of mass and principal axes instead; only a floating base moves.
     """
 
     def __init__(self, robot: RobotModel, num_worlds: int) -> None:
         joints = len(robot.joints)
         self.q, self.qd = np.zeros((num_worlds, joints)), np.zeros((num_worlds, joints))
+        self.motor_torque = np.zeros((num_worlds, joints))
         self.base_position, self.base_quaternion = np.zeros((num_worlds, 3)), np.zeros((num_worlds, 4))
         self.base_quaternion[:, 0] = 1.0
         self.base_linear, self.base_angular = np.zeros((num_worlds, 3)), np.zeros((num_worlds, 3))
@@ -69,10 +71,11 @@ class RobotMotion:
         for world in worlds:
             instance = instances[world]
             states = read(instance.robot, instance.joints, instance.client)
-            rows.append([(state[0], state[1]) for state in states])
-        joints = np.array(rows).reshape(len(worlds), -1, 2)
+            rows.append([(state[0], state[1], state[3]) for state in states])
+        joints = np.array(rows).reshape(len(worlds), -1, 3)
         worlds, joints = self._only_finite(worlds, joints)
         self.q[worlds], self.qd[worlds] = joints[:, :, 0], joints[:, :, 1]
+        self.motor_torque[worlds] = joints[:, :, 2]
 
     def read_base(self, worlds: list[int], instances: list[Instance]) -> None:
         """Fetch the floating base of `worlds`; a fixed base stays where the start put it."""
@@ -100,6 +103,13 @@ class RobotMotion:
         quaternion = rotations.multiply(self.base_quaternion, self._axes)
         linear = self.base_linear + rotations.cross(self.base_angular, arm)
         return position, quaternion, linear, self.base_angular
+
+    def copied(self) -> RobotMotion:
+        """Return a copy that keeps what this one holds now."""
+        twin = copy(self)
+        for name in FIELDS:
+            setattr(twin, name, getattr(self, name).copy())
+        return twin
 
     def only(self, world: int) -> RobotMotion:
         """Return a copy that holds nothing but world number `world`."""

@@ -59,14 +59,19 @@ class PassiveLaw:
         """Whether `torque` contains what the thrusters do, so that the engine must not be told of them again."""
         return isinstance(self.accelerations, PlanarBody)
 
-    def torque(self, instances: list[Instance], motion: RobotMotion, effort: Array, thrust: Array) -> Array:
-        """Return the torques (N, J) to send for `effort` (N, J) and `thrust` (N, T, 3)."""
+    def torque(
+        self, instances: list[Instance], motion: RobotMotion, effort: Array, thrust: Array
+    ) -> tuple[Array, Array | None]:
+        """Return the torques (N, J) to send for `effort` (N, J) and `thrust` (N, T, 3).
+
+        With them the joint accelerations (N, J) that the law asks for; None where it adds nothing to the efforts.
+        """
         if self.accelerations is None:
-            return effort
+            return effort, None
         if isinstance(self.accelerations, PlanarBody):
             effort = effort + self.accelerations.thrust_effort(motion, thrust)
         a = self.accelerations(instances, motion, effort, thrust)
-        return effort - self.damping * (motion.qd + self.timestep * a) - self.armature * a
+        return effort - self.damping * (motion.qd + self.timestep * a) - self.armature * a, a
 
 
 class PlanarBody:
@@ -127,9 +132,14 @@ class PlanarBody:
 
 
 class EngineSolution:
-    """The engine's mass matrix and bias force, world by world; the systems solved for all worlds together."""
+    """The engine's mass matrix and bias force, world by world; the systems solved for all worlds together.
+
+    terms: mass matrix (N, D, D) and bias (N, D) of the last call. reaction: (N, D) further generalised force, or None.
+    """
 
     def __init__(self, scene: SceneSpec, robot: RobotModel) -> None:
+        self.terms = np.zeros((0, 0, 0)), np.zeros((0, 0))
+        self.reaction: Array | None = None
         self._equations = EngineDynamics(scene, robot)
         self._damping = np.array([joint.damping for joint in robot.joints])
         extra = np.zeros(self._equations.num_coordinates)
@@ -140,8 +150,8 @@ class EngineSolution:
     def __call__(self, instances: list[Instance], motion: RobotMotion, effort: Array, thrust: Array) -> Array:
         """Solve (M + A + h D) a = effort - D qd - bias, the base's rows included."""
         del thrust
-        matrix, bias = self._equations(instances, motion)
-        right = -bias
+        self.terms = matrix, bias = self._equations(instances, motion)
+        right = -bias if self.reaction is None else self.reaction - bias
         right[:, self._joints] += effort - self._damping * motion.qd
         solution = np.linalg.solve(matrix + self._extra, right[:, :, None])
         return np.asarray(solution[:, self._joints, 0], np.float64)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from guard_api.errors import BackendError
 from guard_api.model.robot import Joint, RobotModel
 from guard_api.shapes import IDENTITY
+from guard_bullet.dominance import rotor_joints
 from guard_bullet.engine import Client, pybullet
 from guard_bullet.pairs import connected, self_collides
 from guard_bullet.shapes import Principal, collision_shape, principal, xyzw
@@ -54,8 +55,10 @@ def build_robot(client: Client, robot: RobotModel, surfaces: Surfaces) -> int:
             pybullet.changeDynamics(body, index, localInertiaDiagonal=frame.moments, physicsClientId=client)
         friction, restitution = surfaces.of_mover(link_friction(link), ROBOT_RESTITUTION)
         neutralise(client, body, index, friction=friction, restitution=restitution)
+    led = rotor_joints(robot)
     for index, joint in enumerate(robot.joints):
-        _set_joint(client, body, index, joint)
+        if index not in led:  # a rotor has its own stop and friction, which the engine's would fight
+            _set_joint(client, body, index, joint)
     _filter_neighbours(client, body, robot)
     return body
 

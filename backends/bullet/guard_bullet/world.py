@@ -148,9 +148,6 @@ class BulletWorld:
         worlds = self._active()
         if self._drive:
             self._ok &= self._drive.advance(worlds, self._instances)
-            worlds = self._active() if len(worlds) != np.count_nonzero(self._ok) else worlds
-            self._drive.read(worlds, self._instances)
-            self._ok &= self._drive.motion.finite
         else:
             for world in worlds:
                 pybullet.stepSimulation(self._instances[world].client)
