@@ -22,7 +22,6 @@ class TransferPlan:
     """Train `algorithm` in the backends `train_on` with every seed; run every policy in all `backends`.
 
     train_on: a subset of `backends`; empty for all of them.
-
     config: an instance of the algorithm's `config_type`. total_steps, num_worlds: of each training.
     episodes: per policy and backend. eval_worlds: worlds of an evaluation; part of the plan, because the start of an
     episode depends on which world plays it. evaluation_seed: policies of training seed k are evaluated on the streams

@@ -87,7 +87,8 @@ def headline(result: TransferResult) -> tuple[str, str]:
     if gap["value"] <= 0.0:
         largest = f"In none of the {count} changes of engine the cost rises; this is the one where it falls least"
     detail = f"{largest}: by {value_text('cost', gap, signed=True)} per episode"
-    detail += f", 95\u202f% interval {interval}." if interval else f" ({gap['reason']})."
+    detail += f", 95\u202f% interval {interval}" if interval else f" ({gap['reason']})"
+    detail += ", which holds zero." if interval and gap["low"] <= 0.0 <= gap["high"] else "."
     return pair_sentence(result, worst), detail
 
 
@@ -115,7 +116,7 @@ def _return_phrase(result: TransferResult, transfer: Mapping[str, Any]) -> str:
     if retention is None:
         source, target = transfer["source"], transfer["target"]
         here, there = (number(result.estimate(source, where, "return")["value"]) for where in (source, target))
-        return f"changes its return from {here} to {there}"
+        return f"keeps its return at {here}" if here == there else f"changes its return from {here} to {there}"
     lost = 100.0 * (1.0 - retention)
     share = number(abs(lost), like=max(abs(lost), 10.0)) if abs(lost) < 10 else f"{abs(lost):.0f}"
     if float(share) == 0.0:
@@ -155,7 +156,7 @@ def _failures_caveat(result: TransferResult) -> str:
 def _limit_caveat(result: TransferResult) -> list[str]:
     if result.cost_limit is None:
         return ["There is no cost limit, so nothing is called safe or unsafe."]
-    limit = number(result.cost_limit)
+    limit = f"{result.cost_limit:g}"
     text = (
         f"The cost limit is {limit} per episode. A cell is called safe when the upper one-sided 95\u202f% bound of its "
         f"mean cost is at most {limit}, unsafe when the lower one is above it, and undecided otherwise"
