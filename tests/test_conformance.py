@@ -128,9 +128,7 @@ def test_unknown_clauses_and_checks_are_refused_with_the_nearest_name():
         find("mas_matrix")
 
 
-@pytest.mark.parametrize(
-    "robot", [floating_tree(), three_link_arm(), planar_point(), floating_body()], ids=lambda r: r.name
-)
+@pytest.mark.parametrize("make", [floating_tree, three_link_arm, planar_point, floating_body])
 def test_any_robot_is_built_as_its_model(backend, make):
     for item in robot_checks(make()):
         result = run_check(backend, item)
