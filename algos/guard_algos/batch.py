@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
@@ -49,24 +50,25 @@ def make_batch(
     critics: Sequence[Critic],
     constraints: Sequence[Constraint],
     config: OnPolicyConfig,
+    pool: Executor,
 ) -> Batch:
     """Estimate the advantages of `rollout` under `critics`: of the reward, then of each constraint."""
     observation, action = rollout.observation.flatten(0, 1), rollout.action.flatten(0, 1)
     signal = np.concatenate([rollout.reward[..., None], reduce_costs(rollout.costs, constraints)], axis=-1)
-    value, next_value = _values(rollout, critics)
+    value, next_value = _values(rollout, critics, pool)
     estimates = gae.advantages(signal, value, next_value, rollout.ended, config.gamma, config.gae_lambda)
     targets = value + gae.advantages(signal, value, next_value, rollout.ended, config.gamma, 1.0)
     flat = estimates.reshape(-1, signal.shape[-1])
     flat -= flat.mean(axis=0)
     std = float(flat[:, 0].std())
-    mean = policy.mean(theta, observation)
+    mean = policy.means(theta, observation, pool)
     return Batch(
         rollout=rollout,
         episodes=finished(rollout, constraints),
         observation=observation,
         action=action,
         mean=mean,
-        log_prob=policy.log_prob(theta, mean, action),
+        log_prob=policy.log_prob(policy.split(theta)[1], mean, action),
         reward_advantage=torch.from_numpy(flat[:, 0] / max(std, 1e-8)).float(),
         cost_advantages=torch.from_numpy(flat[:, 1:]).float(),
         targets=torch.from_numpy(targets.reshape(flat.shape)).float(),
@@ -74,11 +76,11 @@ def make_batch(
     )
 
 
-def _values(rollout: Rollout, critics: Sequence[Critic]) -> tuple[Array, Array]:
+def _values(rollout: Rollout, critics: Sequence[Critic], pool: Executor) -> tuple[Array, Array]:
     """Return the critics' values (T, N, 1 + K) before each step, and after it as `gae.advantages` wants them."""
 
     def predict(observation: Tensor) -> Array:
-        return torch.stack([critic.predict(observation) for critic in critics], dim=-1).double().numpy()
+        return torch.stack([critic.predict(observation, pool) for critic in critics], dim=-1).double().numpy()
 
     value = predict(rollout.observation.flatten(0, 1)).reshape(*rollout.ended.shape, len(critics))
     next_value = np.concatenate([value[1:], np.zeros_like(value[:1])])

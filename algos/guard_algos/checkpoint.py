@@ -44,7 +44,8 @@ class TrainingState:
 def identity(job: TrainingJob) -> dict[str, Any]:
     """Return as JSON data what must be the same for a resumed training to give the same bits."""
     config = asdict(job.config)
-    del config["checkpoint_every"]
+    for name in ("checkpoint_every", "threads"):  # these change no number
+        del config[name]
     return {
         "environment": job.env.spec.fingerprint,
         "backend": job.env.backend_name,

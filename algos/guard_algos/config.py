@@ -45,7 +45,7 @@ class OnPolicyConfig:
     checkpoint_every: int = 10
     """Epochs between checkpoints; the last epoch always leaves one."""
     threads: int = 2
-    """CPU threads of PyTorch. The same number gives the same bits on one machine."""
+    """CPU threads of the update. It changes no number."""
 
     def __post_init__(self) -> None:
         """Refuse values that mean nothing."""

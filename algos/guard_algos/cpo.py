@@ -8,6 +8,7 @@ reduces their violation most. Source: Achiam et al. 2017, "Constrained Policy Op
 
 from __future__ import annotations
 
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from itertools import chain, combinations
 
@@ -38,13 +39,14 @@ class Cpo(Method):
         self._config = config
         self._limits = [constraint.limit for constraint in problem.constraints]
 
-    def improve(self, policy: GaussianPolicy, theta: Tensor, batch: Batch) -> dict[str, float]:
+    def improve(self, policy: GaussianPolicy, theta: Tensor, batch: Batch, pool: Executor) -> dict[str, float]:
         """Raise the surrogate return while the surrogate costs hold, or lower the costs where they cannot."""
         report = trust_region.update(
             policy,
             theta,
             batch,
             self._config,
+            pool,
             objective=trust_region.surrogate(batch.reward_advantage, batch.log_prob),
             costs=[trust_region.surrogate(advantage, batch.log_prob) for advantage in batch.cost_advantages.T],
             margins=list(margins(batch, self._limits)),

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Executor
+
 import torch
 from torch import Tensor
 
 from guard_algos.adam import Adam
 from guard_algos.finite import finite
-from guard_algos.networks import ROWS, Mlp
+from guard_algos.networks import Mlp
+from guard_algos.workers import accumulate, pieces
 
 
 class Critic:
@@ -22,31 +25,31 @@ class Critic:
         """Return the live parameters and optimiser state."""
         return {"parameters": self._parameters} | {f"adam.{k}": v for k, v in self._adam.tensors().items()}
 
-    def predict(self, observation: Tensor) -> Tensor:
+    def predict(self, observation: Tensor, pool: Executor) -> Tensor:
         """Return V (M,) at observations (M, O)."""
-        return torch.cat([self._network.forward(self._parameters, rows)[:, 0] for rows in observation.split(ROWS)])
+        return self._network.outputs(self._parameters, observation, pool)[:, 0]
 
-    def fit(self, observation: Tensor, target: Tensor, iterations: int) -> tuple[float, float]:
+    def fit(self, observation: Tensor, target: Tensor, iterations: int, pool: Executor) -> tuple[float, float]:
         """Take Adam steps towards `target` (M,) at observations (M, O); return the loss before and after.
 
         Raises NotFiniteError for a loss that is not finite.
         """
-        gradient = torch.empty_like(self._parameters)
-        before = None
+        before = self._loss(observation, target, pool)
         for _ in range(iterations):
-            loss = self._loss(observation, target, gradient)
-            before = loss if before is None else before
-            self._adam.step(gradient)
-        after = finite(self._loss(observation, target, gradient), "loss of a critic")
-        return float(after if before is None else before), float(after)
+            self._adam.step(self._gradient(observation, target, pool))
+        after = self._loss(observation, target, pool)
+        return float(before), float(finite(after, "loss of a critic"))
 
-    def _loss(self, observation: Tensor, target: Tensor, gradient: Tensor) -> Tensor:
-        """Return the mean squared error, a scalar, and write its gradient (P,) to `gradient`."""
-        gradient.zero_()
-        loss = torch.zeros((), dtype=torch.float64)
-        for rows, goal in zip(observation.split(ROWS), target.split(ROWS), strict=True):
-            activations = self._network.activations(self._parameters, rows)
-            error = activations[-1][:, 0] - goal
-            loss += error.dot(error) / len(target)
-            self._network.pull(self._parameters, activations, (2 / len(target)) * error[:, None], out=gradient)
-        return loss
+    def _loss(self, observation: Tensor, target: Tensor, pool: Executor) -> Tensor:
+        return (self.predict(observation, pool) - target).double().square().mean()
+
+    def _gradient(self, observation: Tensor, target: Tensor, pool: Executor) -> Tensor:
+        """Return the gradient (P,) of the mean squared error."""
+        network, parameters = self._network, self._parameters
+
+        def add(rows: Tensor, goal: Tensor, out: Tensor) -> None:
+            activations = network.activations(parameters, rows)
+            error = activations[-1] - goal[:, None]
+            network.pull(parameters, activations, (2 / len(target)) * error, out)
+
+        return accumulate(pool, parameters, add, pieces(observation), pieces(target))

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
-from guard_algos.networks import ROWS, Mlp
+from guard_algos.networks import Mlp
 
 _LOG_SQRT_2PI = 0.5 * math.log(2 * math.pi)
 
@@ -37,28 +38,31 @@ class GaussianPolicy:
 
     def mean(self, theta: Tensor, observation: Tensor) -> Tensor:
         """Return the mean actions (M, A) at observations (M, O)."""
-        network = self.split(theta)[0]
-        return torch.cat([self.network.forward(network, rows) for rows in observation.split(ROWS)])
+        return self.network.forward(self.split(theta)[0], observation)
+
+    def means(self, theta: Tensor, observation: Tensor, pool: Executor) -> Tensor:
+        """Return `mean` of a large batch (M, O), by the threads of `pool`."""
+        return self.network.outputs(self.split(theta)[0], observation, pool)
 
     def act(self, theta: Tensor, observation: Tensor, noise: Tensor) -> Tensor:
         """Return sampled actions (M, A) at observations (M, O), from standard normal `noise` (M, A)."""
         return self.mean(theta, observation) + torch.exp(self.split(theta)[1]) * noise
 
-    def log_prob(self, theta: Tensor, mean: Tensor, action: Tensor) -> Tensor:
-        """Return log pi(a | s) (M,) of actions (M, A) under the means (M, A) and the log_std of theta."""
-        log_std = self.split(theta)[1]
+    @staticmethod
+    def log_prob(log_std: Tensor, mean: Tensor, action: Tensor) -> Tensor:
+        """Return log pi(a | s) (M,) of actions (M, A) under log_std (A,) and the means (M, A)."""
         z = (action - mean) * torch.exp(-log_std)
         return (-0.5 * z.square() - log_std - _LOG_SQRT_2PI).sum(-1)
 
-    def kl(self, old: Tensor, old_mean: Tensor, new: Tensor, new_mean: Tensor) -> Tensor:
-        """Return the mean over samples of KL(old || new) [nat], a scalar, from parameters (P,) and means (M, A).
+    @staticmethod
+    def kl(old_log_std: Tensor, old_mean: Tensor, new_log_std: Tensor, new_mean: Tensor) -> Tensor:
+        """Return the mean over samples of KL(old || new) [nat], a scalar, from log_std (A,) and means (M, A) of both.
 
         The part of the standard deviations uses expm1, which keeps its digits when the policies are close.
         """
-        old_log_std, new_log_std = self.split(old)[1].double(), self.split(new)[1].double()
-        narrowing = new_log_std - old_log_std
+        narrowing = (new_log_std - old_log_std).double()
         spread = (narrowing + 0.5 * torch.expm1(-2 * narrowing)).sum()
-        shift = ((new_mean - old_mean).double() * torch.exp(-new_log_std)).square().sum(-1).mean()
+        shift = ((new_mean - old_mean).double() * torch.exp(-new_log_std.double())).square().sum(-1).mean()
         return spread + 0.5 * shift
 
     def entropy(self, theta: Tensor) -> float:

@@ -8,14 +8,14 @@ differentiation.
 from __future__ import annotations
 
 import math
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from itertools import pairwise
 
 import torch
 from torch import Tensor
 
-ROWS = 3000
-"""Rows that the sweeps of a large batch take at a time, so that a layer's activations stay in the processor's cache."""
+from guard_algos.workers import pieces
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +49,10 @@ class Mlp:
     def forward(self, parameters: Tensor, x: Tensor) -> Tensor:
         """Return the outputs (M, out) at the inputs x (M, in)."""
         return self.activations(parameters, x)[-1]
+
+    def outputs(self, parameters: Tensor, x: Tensor, pool: Executor) -> Tensor:
+        """Return `forward` of a large batch x (M, in), by the threads of `pool`."""
+        return torch.cat(list(pool.map(lambda rows: self.forward(parameters, rows), pieces(x))))
 
     def activations(self, parameters: Tensor, x: Tensor) -> list[Tensor]:
         """Return the input (M, in), every tanh layer's output and the output (M, out): what the products below need."""

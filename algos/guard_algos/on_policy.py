@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -24,6 +24,7 @@ from guard_algos.gaussian import GaussianPolicy
 from guard_algos.networks import Mlp
 from guard_algos.policy import TrainedPolicy, load_policy
 from guard_algos.rollout import collect
+from guard_algos.workers import workers
 from guard_api.algorithm import TrainingJob
 from guard_api.errors import GuardError, SpecError
 
@@ -44,7 +45,7 @@ class Problem:
 class Method:
     """What one algorithm adds to the loop: how a batch improves the policy."""
 
-    def improve(self, policy: GaussianPolicy, theta: Tensor, batch: Batch) -> dict[str, float]:
+    def improve(self, policy: GaussianPolicy, theta: Tensor, batch: Batch, pool: Executor) -> dict[str, float]:
         """Move the policy's parameters theta (P,) in place; return the method's columns of the log."""
         raise NotImplementedError
 
@@ -69,8 +70,8 @@ class OnPolicyAlgorithm:
         """
         if job.total_steps < 1:
             raise SpecError(f"total_steps = {job.total_steps}: must be at least 1")
-        with _threads(job.config.threads), torch.no_grad():
-            training = _Training(self, job)
+        with workers(job.config.threads) as pool, torch.no_grad():
+            training = _Training(self, job, pool)
             if job.resume:
                 training.resume()
             return training.run()
@@ -88,10 +89,10 @@ class _Training:
     goes on with its next episode; the one that the end of the epoch cuts is learned from, but not counted.
     """
 
-    def __init__(self, algorithm: OnPolicyAlgorithm, job: TrainingJob) -> None:
+    def __init__(self, algorithm: OnPolicyAlgorithm, job: TrainingJob, pool: Executor) -> None:
         env = job.env
         config: OnPolicyConfig = job.config
-        self._algorithm, self._job, self._config = algorithm, job, config
+        self._algorithm, self._job, self._config, self._pool = algorithm, job, config, pool
         self._rounds = math.ceil(config.steps_per_epoch / (env.num_worlds * env.episode_length))
         self._epoch_steps = self._rounds * env.num_worlds * env.episode_length
         # Samples have a generator of their own, so that they do not depend on how many networks an algorithm has.
@@ -150,8 +151,9 @@ class _Training:
             list(self._critics.values()),
             self._constraints,
             self._config,
+            self._pool,
         )
-        learned = self._method.improve(self._policy, self._theta, batch) | self._fit_critics(batch)
+        learned = self._method.improve(self._policy, self._theta, batch, self._pool) | self._fit_critics(batch)
         done = perf_counter()
         self._epoch += 1
         self._total_steps += self._epoch_steps
@@ -178,7 +180,7 @@ class _Training:
     def _fit_critics(self, batch: Batch) -> dict[str, float]:
         row = {}
         for (name, critic), target in zip(self._critics.items(), batch.targets.T.contiguous(), strict=True):
-            before, after = critic.fit(batch.observation, target, self._config.value_iterations)
+            before, after = critic.fit(batch.observation, target, self._config.value_iterations, self._pool)
             row |= {f"{name}_loss_before": before, f"{name}_loss_after": after}
         return row
 
@@ -214,14 +216,3 @@ class _Training:
 def _seeds(seed: int) -> list[int]:
     """Return two independent seeds made of one."""
     return [int(word) for word in np.random.SeedSequence(seed).generate_state(2)]
-
-
-@contextmanager
-def _threads(count: int) -> Iterator[None]:
-    """Give PyTorch `count` threads for a while: results depend on it, so it must not depend on the machine."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(count)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)

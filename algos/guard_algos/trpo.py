@@ -7,6 +7,8 @@ Costs are logged and have no influence. Source: Schulman et al. 2015, "Trust Reg
 
 from __future__ import annotations
 
+from concurrent.futures import Executor
+
 from torch import Tensor
 
 from guard_algos import trust_region
@@ -22,10 +24,10 @@ class Trpo(Method):
     def __init__(self, config: OnPolicyConfig, problem: Problem) -> None:
         self._config = config
 
-    def improve(self, policy: GaussianPolicy, theta: Tensor, batch: Batch) -> dict[str, float]:
+    def improve(self, policy: GaussianPolicy, theta: Tensor, batch: Batch, pool: Executor) -> dict[str, float]:
         """Raise the surrogate return."""
         objective = trust_region.surrogate(batch.reward_advantage, batch.log_prob)
-        return trust_region.update(policy, theta, batch, self._config, objective=objective).row()
+        return trust_region.update(policy, theta, batch, self._config, pool, objective=objective).row()
 
 
 algorithm = OnPolicyAlgorithm(name="trpo", config_type=OnPolicyConfig, method=Trpo)

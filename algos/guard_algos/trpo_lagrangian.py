@@ -8,6 +8,7 @@ no cost ever met, every step is TRPO's, bit for bit.
 
 from __future__ import annotations
 
+from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import torch
@@ -56,10 +57,10 @@ class TrpoLagrangian(Method):
         """Return the multipliers."""
         return {"multipliers": self._multipliers.values}
 
-    def improve(self, policy: GaussianPolicy, theta: Tensor, batch: Batch) -> dict[str, float]:
+    def improve(self, policy: GaussianPolicy, theta: Tensor, batch: Batch, pool: Executor) -> dict[str, float]:
         """Raise the surrogate Lagrangian, then move the multipliers by the costs of the same batch's episodes."""
         objective = trust_region.surrogate(lagrangian(batch, self._multipliers.values), batch.log_prob)
-        report = trust_region.update(policy, theta, batch, self._config, objective=objective)
+        report = trust_region.update(policy, theta, batch, self._config, pool, objective=objective)
         self._multipliers.ascend(torch.from_numpy(batch.episodes.constrained_costs.mean(axis=0)))
         return report.row() | self._multipliers.row()
 

@@ -6,6 +6,7 @@ Every algorithm here is a choice of three functions: the objective, the directio
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -18,7 +19,7 @@ from guard_algos import conjugate_gradient
 from guard_algos.batch import Batch
 from guard_algos.config import OnPolicyConfig
 from guard_algos.finite import finite
-from guard_algos.fisher import Fisher
+from guard_algos.fisher import LocalPolicy
 from guard_algos.gaussian import GaussianPolicy
 
 Objective: TypeAlias = Callable[[Tensor], Tensor]
@@ -109,6 +110,7 @@ def update(
     theta: Tensor,
     batch: Batch,
     config: OnPolicyConfig,
+    pool: Executor,
     *,
     objective: Objective,
     costs: Sequence[Objective] = (),
@@ -121,13 +123,17 @@ def update(
     costs: K objectives that `direction` and `accept` keep low; margins: how far each constraint is exceeded.
     Raises NotFiniteError when a gradient or the step is not finite.
     """
-    evaluation = _Evaluation(policy, theta, batch, (objective, *costs))
-    gradients = evaluation.gradients()
+    local = LocalPolicy(policy, theta, batch.observation, pool)
+    gradients = [_gradient(policy, theta, batch, local, f) for f in (objective, *costs)]
     residuals: list[float] = []
-    fisher = Fisher(policy, theta, batch.observation, config.cg_damping)
 
     def solve(b: Tensor) -> Tensor:
-        solution = conjugate_gradient.solve(fisher, b, iterations=config.cg_iterations, tolerance=config.cg_tolerance)
+        solution = conjugate_gradient.solve(
+            lambda x: local.fisher(x).add_(x, alpha=config.cg_damping),
+            b,
+            iterations=config.cg_iterations,
+            tolerance=config.cg_tolerance,
+        )
         residuals.append(solution.residual)
         return solution.x
 
@@ -140,7 +146,15 @@ def update(
     )
     step = direction(model)
     finite(step.delta, "policy step")
-    accepted, trial, count = _line_search(evaluation, model, step, accept, config)
+    old, trial, accepted, count = theta.clone(), None, False, 0
+    while not accepted and count < config.backtrack_steps:
+        torch.add(old, step.delta, alpha=config.backtrack_factor**count, out=theta)
+        trial = _evaluate(policy, old, theta, batch, (objective, *costs), pool)
+        accepted = accept(trial, model, step)
+        count += 1
+    if not accepted:
+        theta.copy_(old)
+    assert trial is not None
     return Report(
         accepted=accepted,
         trial=trial,
@@ -150,46 +164,24 @@ def update(
     )
 
 
-def _line_search(
-    evaluation: _Evaluation, model: LocalModel, step: Step, accept: Accept, config: OnPolicyConfig
-) -> tuple[bool, Trial, int]:
-    """Try theta + factor^j step, j = 0, 1, ...; keep the first accepted one, else the old parameters."""
-    trial, old = None, evaluation.theta.clone()
-    for j in range(config.backtrack_steps):
-        torch.add(old, step.delta, alpha=config.backtrack_factor**j, out=evaluation.theta)
-        trial = evaluation.trial()
-        if accept(trial, model, step):
-            return True, trial, j + 1
-    evaluation.theta.copy_(old)
-    assert trial is not None
-    return False, trial, config.backtrack_steps
+def _gradient(policy: GaussianPolicy, theta: Tensor, batch: Batch, local: LocalPolicy, objective: Objective) -> Tensor:
+    """Return the gradient (P,) of `objective` at the old parameters."""
+    mean = batch.mean.detach().requires_grad_()
+    log_std = policy.split(theta)[1].clone().requires_grad_()
+    with torch.enable_grad():
+        value = objective(policy.log_prob(log_std, mean, batch.action))
+    return local.gradient(*torch.autograd.grad(value, (mean, log_std)))
 
 
-class _Evaluation:
-    """The objectives and the KL divergence as functions of `theta`, and their values at the old parameters."""
-
-    def __init__(self, policy: GaussianPolicy, theta: Tensor, batch: Batch, objectives: tuple[Objective, ...]) -> None:
-        self.theta = theta
-        self._policy, self._batch, self._objectives = policy, batch, objectives
-        self._old = theta.clone()
-        self._old_values = np.array([float(objective(batch.log_prob)) for objective in objectives])
-
-    def gradients(self) -> list[Tensor]:
-        """Return the gradient (P,) of every objective at the old parameters."""
-        with torch.enable_grad():
-            theta = self._old.clone().requires_grad_()
-            mean = self._policy.mean(theta, self._batch.observation)
-            log_prob = self._policy.log_prob(theta, mean, self._batch.action)
-            values = [objective(log_prob) for objective in self._objectives]
-        return [torch.autograd.grad(value, theta, retain_graph=True)[0] for value in values]
-
-    def trial(self) -> Trial:
-        """Return what the present `theta` does on the batch."""
-        mean = self._policy.mean(self.theta, self._batch.observation)
-        log_prob = self._policy.log_prob(self.theta, mean, self._batch.action)
-        changes = np.array([float(objective(log_prob)) for objective in self._objectives]) - self._old_values
-        return Trial(
-            kl=float(self._policy.kl(self._old, self._batch.mean, self.theta, mean)),
-            improvement=float(changes[0]),
-            cost_changes=changes[1:],
-        )
+def _evaluate(
+    policy: GaussianPolicy, old: Tensor, theta: Tensor, batch: Batch, objectives: Sequence[Objective], pool: Executor
+) -> Trial:
+    """Return what the policy `theta` does on the batch that `old` collected."""
+    log_std, mean = policy.split(theta)[1], policy.means(theta, batch.observation, pool)
+    log_prob = policy.log_prob(log_std, mean, batch.action)
+    changes = np.array([float(objective(log_prob) - objective(batch.log_prob)) for objective in objectives])
+    return Trial(
+        kl=float(policy.kl(policy.split(old)[1], batch.mean, log_std, mean)),
+        improvement=float(changes[0]),
+        cost_changes=changes[1:],
+    )

@@ -12,6 +12,7 @@ from guard_algos.critics import Critic
 from guard_algos.gaussian import GaussianPolicy
 from guard_algos.networks import Mlp
 from guard_algos.rollout import collect
+from guard_algos.workers import workers
 from tests.algos.bandit import Script
 
 
@@ -35,10 +36,12 @@ def test_values_bootstrap_at_truncation_and_cut_but_not_at_termination() -> None
     constraints = (Constraint(name="ab", limit=0.0, columns=(0, 1)), Constraint(name="c", limit=0.0, columns=(2,)))
     critics = [Critic(Mlp((1, 4, 1)), generator, 1e-3) for _ in range(3)]
     config = OnPolicyConfig(gamma=0.9, gae_lambda=0.8)
-    batch = make_batch(rollout, policy, theta, critics, constraints, config)
+    with workers(1) as pool:
+        batch = make_batch(rollout, policy, theta, critics, constraints, config, pool)
 
     def value(k: int, x: float) -> float:
-        return float(critics[k].predict(torch.tensor([[x]]))[0])
+        with workers(1) as pool:
+            return float(critics[k].predict(torch.tensor([[x]]), pool)[0])
 
     signal = np.concatenate([env._reward[..., None], reduce_costs(env._costs, constraints)], axis=-1)
     np.testing.assert_allclose(signal[..., 1], env._costs[..., 0] + env._costs[..., 1])
@@ -76,6 +79,7 @@ def test_a_constant_advantage_stays_zero() -> None:
     critic.tensors()["parameters"].zero_()
     act = lambda observation, noise: policy.act(theta, observation, noise)  # noqa: E731
     rollout = collect(env, act, episode=0, num_steps=T, generator=generator)  # type: ignore[arg-type]
-    batch = make_batch(rollout, policy, theta, [critic], (), OnPolicyConfig())
+    with workers(1) as pool:
+        batch = make_batch(rollout, policy, theta, [critic], (), OnPolicyConfig(), pool)
     assert not batch.reward_advantage.any()
     assert not len(rollout.last)

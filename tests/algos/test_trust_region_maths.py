@@ -11,10 +11,11 @@ from torch.distributions import Independent, Normal, kl_divergence
 from guard_algos import conjugate_gradient, gae
 from guard_algos.adam import Adam
 from guard_algos.critics import Critic
-from guard_algos.fisher import Fisher
+from guard_algos.fisher import LocalPolicy
 from guard_algos.gaussian import GaussianPolicy
-from guard_algos.networks import ROWS, Mlp
-from guard_algos.trust_region import LocalModel, Step, Trial, improves, natural
+from guard_algos.networks import Mlp
+from guard_algos.trust_region import LocalModel, Step, Trial, improves, natural, surrogate
+from guard_algos.workers import ROWS, workers
 
 
 def generator() -> torch.Generator:
@@ -61,10 +62,10 @@ def test_kl_and_log_prob_and_entropy_equal_torch_distributions() -> None:
     new = old + 0.1 * torch.randn(len(old), generator=generator())
     old_distribution, new_distribution = distribution(policy, old, x), distribution(policy, new, x)
     expected = kl_divergence(old_distribution, new_distribution).mean()
-    kl = policy.kl(old, policy.mean(old, x), new, policy.mean(new, x))
+    kl = policy.kl(old[-2:], policy.mean(old, x), new[-2:], policy.mean(new, x))
     assert float(kl) == pytest.approx(float(expected), rel=1e-5)
     action = torch.randn(len(x), 2, generator=generator())
-    log_prob = policy.log_prob(new, policy.mean(new, x), action)
+    log_prob = policy.log_prob(new[-2:], policy.mean(new, x), action)
     torch.testing.assert_close(log_prob, new_distribution.log_prob(action))
     assert policy.entropy(new) == pytest.approx(float(new_distribution.entropy()[0]), rel=1e-6)
 
@@ -73,14 +74,26 @@ def test_fisher_product_equals_the_dense_hessian_of_the_kl() -> None:
     policy, theta, x = small_policy(rows=ROWS + 17)
     theta, x = theta.double(), x.double()
     mean = policy.mean(theta, x)
-    dense = torch.autograd.functional.hessian(lambda p: policy.kl(theta, mean, p, policy.mean(p, x)), theta)
+    kl = lambda p: policy.kl(theta[-2:], mean, p[-2:], policy.mean(p, x))  # noqa: E731
+    dense = torch.autograd.functional.hessian(kl, theta)
     assert isinstance(dense, Tensor)
-    fisher = Fisher(policy, theta, x, damping=0.0)
-    columns = torch.stack([fisher(unit) for unit in torch.eye(len(theta), dtype=torch.float64)])
+    with workers(2) as pool:
+        local = LocalPolicy(policy, theta, x, pool)
+        columns = torch.stack([local.fisher(unit) for unit in torch.eye(len(theta), dtype=torch.float64)])
     torch.testing.assert_close(columns, dense, rtol=1e-9, atol=1e-12)
-    damped = Fisher(policy, theta, x, damping=0.1)
-    v = torch.randn(len(theta), generator=generator(), dtype=torch.float64)
-    torch.testing.assert_close(damped(v), dense @ v + 0.1 * v)
+
+
+def test_policy_gradient_equals_automatic_differentiation() -> None:
+    policy, theta, x = small_policy(rows=ROWS + 17)
+    action, advantage = torch.randn(len(x), 2, generator=generator()), torch.randn(len(x), generator=generator())
+    with workers(2) as pool:
+        local = LocalPolicy(policy, theta, x, pool)
+        mean, log_std = policy.means(theta, x, pool).requires_grad_(), theta[-2:].clone().requires_grad_()
+        value = surrogate(advantage, torch.zeros(()))(policy.log_prob(log_std, mean, action))
+        gradient = local.gradient(*torch.autograd.grad(value, (mean, log_std)))
+    leaf = theta.clone().requires_grad_()
+    expected = (torch.exp(distribution(policy, leaf, x).log_prob(action)) * advantage).mean()
+    torch.testing.assert_close(gradient, torch.autograd.grad(expected, leaf)[0], rtol=1e-4, atol=1e-7)
 
 
 def test_conjugate_gradient_solves_and_reports_the_true_residual() -> None:
@@ -175,8 +188,10 @@ def test_critic_fits_as_automatic_differentiation_does_and_reports_its_losses() 
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()
-    before, after = critic.fit(x, target, 30)
+    with workers(2) as pool:
+        before, after = critic.fit(x, target, 30, pool)
+        values = critic.predict(x, pool)
     assert before == pytest.approx(losses[0], rel=1e-5)
     assert after == pytest.approx(losses[30], rel=1e-4)
     assert after < before
-    assert critic.predict(x).sub(target).square().mean() == pytest.approx(after, rel=1e-5)
+    assert values.sub(target).square().mean() == pytest.approx(after, rel=1e-5)
