@@ -120,7 +120,7 @@ def read_side_file(path: Path, problems: Problems) -> SideFile:
         base_damping=damping,
         base_armature=armature,
         height=home.number("height") if "height" in home else None,
-        joint_position=home.numbers("joints"),
+        joint_position=_numbers(home.table("joints")),
         friction=_not_negative(top, "friction"),
         armature=_not_negative(top, "armature"),
         actuators=tuple(_actuator(table) for table in top.tables("actuators")),
@@ -142,8 +142,13 @@ def _triple(base: Table, key: str, kind: BaseKind | None) -> Vector3:
     return as_vector(values)
 
 
+def _numbers(table: Table) -> dict[str, float]:
+    """Return a table whose keys are names of the user's choice."""
+    return {name: table.number(name) for name in table}
+
+
 def _not_negative(top: Table, key: str) -> dict[str, float]:
-    values = top.numbers(key)
+    values = _numbers(top.table(key))
     for name, value in values.items():
         if value < 0.0:
             top.error(f"{key}.{name}", f"{value!r} must not be negative")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Any
 
 from guard_api.model.problems import LARGEST_NUMBER, Problems, did_you_mean
@@ -24,6 +25,9 @@ class Table:
     def __contains__(self, key: str) -> bool:
         self._known.add(key)
         return key in self._data
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._data)
 
     def error(self, key: str, message: str) -> None:
         """Report that the robot cannot be used because of `key`."""
@@ -77,11 +81,6 @@ class Table:
         if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
             return self._wrong(key, value, "a list of texts", (), ())
         return tuple(value)
-
-    def numbers(self, key: str) -> dict[str, float]:
-        """Return a table of finite numbers under names of the user's choice, empty when absent."""
-        table = self.table(key)
-        return {name: table.number(name) for name in table._data}
 
     def table(self, key: str) -> Table:
         """Return the table at `key`, an empty one when absent."""

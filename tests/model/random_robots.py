@@ -126,6 +126,12 @@ def actuators(draw, name: str, joint_names: list[str], link_names: list[str]) ->
 
 
 @st.composite
+def sensors(draw, name: str, link_names: list[str]) -> Sensor:
+    kind = draw(st.sampled_from(["accelerometer", "velocimeter", "gyro", "magnetometer"]))
+    return Sensor(name=name, kind=kind, link=draw(st.sampled_from(link_names)), pose=draw(poses()))
+
+
+@st.composite
 def robots(draw) -> RobotModel:
     """Whole robots, links depth first; a link in mid-chain may be massless."""
     base = draw(st.sampled_from(["fixed", "planar", "floating"]))
@@ -149,15 +155,7 @@ def robots(draw) -> RobotModel:
             for i, (name, parent) in enumerate(zip(joint_names, parents, strict=True))
         ),
         actuators=tuple(draw(actuators(name, joint_names, link_names)) for name in draw(_few(names))),
-        sensors=tuple(
-            Sensor(
-                name=name,
-                kind=draw(st.sampled_from(["accelerometer", "velocimeter", "gyro", "magnetometer"])),
-                link=draw(st.sampled_from(link_names)),
-                pose=draw(poses()),
-            )
-            for name in draw(_few(names))
-        ),
+        sensors=tuple(draw(sensors(name, link_names)) for name in draw(_few(names))),
         touch_links=tuple(draw(_few(st.sampled_from(link_names)))),
         home=Home(
             height=draw(fractions), joint_position={name: draw(st.floats(-1.0, 1.0)) for name in joint_names[::2]}

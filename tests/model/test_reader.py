@@ -15,34 +15,11 @@ from hypothesis import strategies as st
 
 from guard_api import rotations
 from guard_api.model.inertia import of_shape
-from guard_api.model.library import load_robot_file
 from guard_api.model.robot import PLANAR_JOINTS, RobotModel
 from guard_api.model.writers import to_urdf
 from guard_api.shapes import Box, Capsule, Cylinder, Mesh, Sphere
+from tests.model.files import Z, joint, link, load
 from tests.model.random_robots import robots
-
-INERTIAL = '<inertial><mass value="{mass}"/><inertia ixx="{i}" iyy="{i}" izz="{i}"/></inertial>'
-
-
-def link(name: str, content: str = "", mass: float = 1.0) -> str:
-    return f'<link name="{name}">{INERTIAL.format(mass=mass, i=0.1 * mass)}{content}</link>'
-
-
-def joint(name: str, kind: str, parent: str, child: str, rest: str = "", xyz: str = "0 0 0", rpy: str = "0 0 0") -> str:
-    return (
-        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
-        f'<origin xyz="{xyz}" rpy="{rpy}"/>{rest}</joint>'
-    )
-
-
-Z = '<axis xyz="0 0 1"/>'
-
-
-def load(tmp_path: Path, *content: str, toml: str | None = None) -> RobotModel:
-    (tmp_path / "r.urdf").write_text("\n".join(['<robot name="r">', *content, "</robot>"]))
-    if toml is not None:
-        (tmp_path / "robot.toml").write_text(toml)
-    return load_robot_file(tmp_path / "r.urdf")
 
 
 def test_links_come_depth_first_in_file_order(tmp_path: Path) -> None:
@@ -53,21 +30,23 @@ def test_links_come_depth_first_in_file_order(tmp_path: Path) -> None:
     assert robot.joint_names == ("ab", "bc", "ad", "de")
 
 
+ON_THE_TIP = """
+touch = ["tip"]
+friction = { default = 0.5, tip = 2.0, rubber = 3.0 }
+[[actuators]]
+name = "jet"
+law = "thrust"
+link = "tip"
+point = [1, 0, 0]
+direction = [0, 2, 0]
+[[sensors]]
+kind = "gyro"
+link = "tip"
+position = [0, 0, 1]
+"""
+
+
 def test_fixed_joints_are_merged_with_all_that_sits_on_them(tmp_path: Path) -> None:
-    toml = """
-        touch = ["tip"]
-        friction = { default = 0.5, tip = 2.0, rubber = 3.0 }
-        [[actuators]]
-        name = "jet"
-        law = "thrust"
-        link = "tip"
-        point = [1, 0, 0]
-        direction = [0, 2, 0]
-        [[sensors]]
-        kind = "gyro"
-        link = "tip"
-        position = [0, 0, 1]
-    """
     ball = '<collision{name}><origin xyz="1 0 0"/><geometry><sphere radius="0.1"/></geometry></collision>'
     robot = load(
         tmp_path,
@@ -78,7 +57,7 @@ def test_fixed_joints_are_merged_with_all_that_sits_on_them(tmp_path: Path) -> N
         joint("shoulder", "continuous", "root", "arm", Z),
         joint("weld", "fixed", "arm", "tip", xyz="0 2 0", rpy=f"0 0 {math.pi / 2!r}"),
         joint("knuckle", "continuous", "tip", "finger", Z, xyz="0.5 0 0"),
-        toml=toml,
+        toml=ON_THE_TIP,
     )
     assert robot.link_names == ("root", "arm", "finger")
     arm = robot.links[1]
@@ -185,34 +164,6 @@ def test_colours_come_from_named_materials(tmp_path: Path) -> None:
     default = (1.0, 0.6, 0.0, 1.0)
     assert [part.rgba for part in robot.links[0].visuals] == [(1.0, 0.0, 0.0, 1.0), default, default]
     assert any("material 'none' has no colour" in note for note in robot.notes)
-
-
-def test_a_planar_base_from_the_side_file(tmp_path: Path) -> None:
-    toml = '[base]\nkind = "planar"\ndamping = [1, 2, 3]\narmature = [4, 5, 6]\n[home]\nheight = 0.7'
-    robot = load(tmp_path, link("a"), toml=toml)
-    assert robot.joint_names == ("base_x", "base_y", "base_yaw")
-    assert [(item.damping, item.armature) for item in robot.joints] == [(1, 4), (2, 5), (3, 6)]
-    assert [item.origin.position[2] for item in robot.joints] == [0.7, 0.0, 0.0]
-    assert robot.root == "a"
-    assert not robot.collide_ground
-
-
-@pytest.mark.parametrize("kind", ["planar", "floating"])
-def test_a_base_from_the_urdf(kind: str, tmp_path: Path) -> None:
-    free = joint("free", kind, "world", "a", Z, xyz="0 0 0.3")
-    robot = load(tmp_path, '<link name="world"/>', link("a"), link("b"), free, joint("j", "continuous", "a", "b", Z))
-    assert robot.base == kind
-    assert robot.home.height == 0.3
-    assert robot.root == "a"
-    assert robot.link_names[-2:] == ("a", "b")
-
-
-def test_an_arm_on_a_world_link_is_fixed(tmp_path: Path) -> None:
-    weld = joint("weld", "fixed", "world", "a", xyz="0 0 0.3")
-    robot = load(tmp_path, '<link name="world"/>', link("a"), link("b"), weld, joint("j", "continuous", "a", "b", Z))
-    assert robot.base == "fixed"
-    assert robot.link_names == ("world", "b")
-    assert robot.joints[0].origin.position == (0.0, 0.0, 0.3)
 
 
 def test_an_empty_link_between_two_joints_is_massless(tmp_path: Path) -> None:
