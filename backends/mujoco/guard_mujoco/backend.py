@@ -1,5 +1,8 @@
 """The plugin itself: what this engine can do, and how a scene becomes a world."""
 
+# MuJoCo is a compiled module without type stubs.
+# pyright: reportAttributeAccessIssue=false
+
 from __future__ import annotations
 
 import mujoco

@@ -1,5 +1,8 @@
 """SceneSpec -> MjModel, and where in MuJoCo's arrays everything of the scene lies."""
 
+# MuJoCo is a compiled module without type stubs.
+# pyright: reportAttributeAccessIssue=false
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -9,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from guard_api.errors import BackendError
-from guard_api.model.inertia import of_shape
+from guard_api.model.inertia import as_vector, of_shape
 from guard_api.scene.spec import BodySpec, SceneSpec
 from guard_api.shapes import Pose
 from guard_mujoco.contact import Surface, add_pairs, set_options
@@ -127,7 +130,7 @@ def _add_body(spec: mujoco.MjSpec, index: int, body: BodySpec, driven_mass: floa
             set_inertia(mj, driven_mass, (0.0, 0.0, 0.0), driven_mass * np.eye(3))
         else:
             set_inertia(mj, body.mass, (0.0, 0.0, 0.0), np.asarray(solid.inertia) * body.mass / solid.mass)
-    pose = Pose(position=tuple(-x for x in solid.com))
+    pose = Pose(position=as_vector(np.negative(solid.com)))
     geom = add_geom(spec, mj, f"{body_name(index)}/0", body.shape, pose)
     return Surface(
         geom=geom.name, body=mj.name, role=body.physics, friction=body.friction, restitution=body.restitution

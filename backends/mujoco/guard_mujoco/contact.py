@@ -4,6 +4,9 @@ MuJoCo usually derives a contact from its two geoms. GUARD states every pair ins
 exactly the scene's rule, and friction can have its own time constant, which a geom cannot.
 """
 
+# MuJoCo is a compiled module without type stubs.
+# pyright: reportAttributeAccessIssue=false
+
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -1,5 +1,8 @@
 """MuJoCo's warnings go to Python's logging, not to MUJOCO_LOG.TXT in whatever directory the user works in."""
 
+# MuJoCo is a compiled module without type stubs.
+# pyright: reportAttributeAccessIssue=false
+
 from __future__ import annotations
 
 import logging

@@ -1,5 +1,8 @@
 """What MuJoCo holds for one world, in GUARD's axes and order."""
 
+# MuJoCo is a compiled module without type stubs.
+# pyright: reportAttributeAccessIssue=false
+
 from __future__ import annotations
 
 import mujoco

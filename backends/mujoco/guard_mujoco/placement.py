@@ -11,10 +11,8 @@ from guard_api.errors import BackendError
 from guard_api.physics.state import Array, Start
 from guard_mujoco.compile import CompiledScene
 
-Rows = NDArray[np.intp]
 
-
-def check_start(compiled: CompiledScene, start: Start, rows: Rows) -> None:
+def check_start(compiled: CompiledScene, start: Start, rows: NDArray[np.intp]) -> None:
     """Raise BackendError when a base or body of the worlds `rows` is to start with a motion that it cannot have."""
     robot = compiled.scene.robot
     if robot and not robot.floating:
@@ -28,7 +26,7 @@ def check_start(compiled: CompiledScene, start: Start, rows: Rows) -> None:
     _require_zero("body_angular_velocity", start.body_angular_velocity[rows][:, still], "static and driven bodies")
 
 
-def place(compiled: CompiledScene, batch: Batch, start: Start, rows: Rows) -> None:
+def place(compiled: CompiledScene, batch: Batch, start: Start, rows: NDArray[np.intp]) -> None:
     """Write the worlds `rows` of `start` into the state of `batch`."""
     qpos, qvel = batch.bind("qpos"), batch.bind("qvel")
     each = rows[:, None]

@@ -4,6 +4,9 @@ MuJoCo refuses moving bodies without mass, so a chain of massless links and the 
 body with several joints; positions of all links are recovered in `guard_mujoco.readout`.
 """
 
+# MuJoCo is a compiled module without type stubs.
+# pyright: reportAttributeAccessIssue=false
+
 from __future__ import annotations
 
 from dataclasses import dataclass

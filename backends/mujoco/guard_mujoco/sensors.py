@@ -3,6 +3,9 @@
 Sensors are the only way to see contacts in a batch; their values are recorded at every substep.
 """
 
+# MuJoCo is a compiled module without type stubs.
+# pyright: reportAttributeAccessIssue=false
+
 from __future__ import annotations
 
 from dataclasses import dataclass

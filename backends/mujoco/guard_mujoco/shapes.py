@@ -1,5 +1,8 @@
 """GUARD's shapes as MuJoCo geoms."""
 
+# MuJoCo is a compiled module without type stubs.
+# pyright: reportAttributeAccessIssue=false
+
 from __future__ import annotations
 
 import mujoco

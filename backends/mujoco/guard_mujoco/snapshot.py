@@ -1,5 +1,8 @@
 """Snapshots: the raw numbers behind a header that says whose they are."""
 
+# MuJoCo is a compiled module without type stubs.
+# pyright: reportAttributeAccessIssue=false
+
 from __future__ import annotations
 
 import hashlib

@@ -1,5 +1,8 @@
 """N worlds of one scene, stepped together by MuJoCo's batch."""
 
+# MuJoCo is a compiled module without type stubs.
+# pyright: reportAttributeAccessIssue=false
+
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -10,18 +13,21 @@ from mujoco.batch import Batch, SimulationError
 from numpy.typing import NDArray
 
 from guard_api.errors import BackendError
+from guard_api.model.kinematics import Rows, rows_of
 from guard_api.physics.state import Array, Inspection, Mask, Start, State
 from guard_mujoco.compile import CompiledScene
 from guard_mujoco.diagnostics import redirect_warnings
 from guard_mujoco.driven import DrivenBodies
 from guard_mujoco.inspection import inspect
-from guard_mujoco.placement import Rows, check_start, place
+from guard_mujoco.placement import check_start, place
 from guard_mujoco.readout import EffortReadout, Readout
 from guard_mujoco.snapshot import fingerprint, pack, unpack
 
 _NONE, _VEL = mujoco.mjtStage.mjSTAGE_NONE.value, mujoco.mjtStage.mjSTAGE_VEL.value
 _COUNT = 1
 """Column of a warning counter that counts; the other one is its last information."""
+
+ALL = slice(None)
 
 
 class MuJoCoWorld:
@@ -39,11 +45,13 @@ class MuJoCoWorld:
         self._compiled = compiled
         self._engine: Batch | None = Batch(compiled.model, num_worlds, threads, persistent=True)
         self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
+        self._joint_qpos, self._joint_dof = rows_of(compiled.joint_qpos), rows_of(compiled.joint_dof)
         self._ctrl, self._time = self._batch.bind("ctrl"), self._batch.bind("time")
         self._readout = Readout(compiled, self._batch)
         self._efforts = EffortReadout(compiled, self._batch)
         self._driven = DrivenBodies(compiled, self._batch)
         self._ok = np.ones(num_worlds, bool)
+        self._everyone = np.arange(num_worlds)
         self._effort = np.zeros((num_worlds, len(compiled.joint_dof)))
         self._touch = np.zeros((num_worlds, compiled.contact.num_touch))
         self._body_contact = np.zeros((num_worlds, self.scene.num_bodies), bool)
@@ -77,12 +85,13 @@ class MuJoCoWorld:
         """
         if substeps < 1:
             raise BackendError(f"substeps={substeps}: must be at least 1")
-        self._ok &= np.isfinite(control).all(axis=1)
-        rows = np.flatnonzero(self._ok)
+        if not np.isfinite(control).all():
+            self._ok &= np.isfinite(control).all(axis=1)
+        rows = ALL if self._ok.all() else np.flatnonzero(self._ok)
         before = self._batch.state.copy()
         self._ctrl[rows] = control[rows]
         if self._driven.any:
-            self._driven.launch(rows, substeps * self.scene.timestep)
+            self._driven.launch(self._everyone[rows], substeps * self.scene.timestep)
         self._advance(rows, substeps)
         self._freeze_failed(rows, before)
 
@@ -95,8 +104,7 @@ class MuJoCoWorld:
         if not self._current:
             self._batch.forward(stage=_VEL)
             self._current = True
-        q = self._qpos[:, self._compiled.joint_qpos]
-        qd = self._qvel[:, self._compiled.joint_dof]
+        q, qd = self._qpos[:, self._joint_qpos].copy(), self._qvel[:, self._joint_dof].copy()
         links, bodies = self._readout.read(q, qd)
         return State(
             time=self._time.copy(),
@@ -147,11 +155,11 @@ class MuJoCoWorld:
 
     def _advance(self, rows: Rows, substeps: int) -> None:
         """Step the worlds `rows` and bring positions and velocities up to date; note what their sensors felt."""
-        ids = None if len(rows) == self.num_worlds else rows
+        ids = None if isinstance(rows, slice) else rows
         if not self._compiled.contact.any:
             self._attempt(lambda: self._batch.step(ids, nstep=substeps, stage=_VEL))
             return
-        shape = (len(rows), substeps, self._compiled.model.nsensordata)
+        shape = (self.num_worlds if ids is None else len(ids), substeps, self._compiled.model.nsensordata)
         if self._recorded.shape != shape:
             self._recorded = np.empty(shape)
         out = {"sensordata": self._recorded}
@@ -168,18 +176,28 @@ class MuJoCoWorld:
     def _freeze_failed(self, rows: Rows, before: Array) -> None:
         """Put worlds whose numbers went wrong back to `before`, and take over what the others' step reports."""
         batch = self._batch
-        # Each of the engine's warnings means that it left out or invented something; a sum is finite if its terms are.
-        sound = np.isfinite(batch.state[rows].sum(axis=1)) & ~batch.warning[rows, :, _COUNT].any(axis=1)
-        self._ok[rows] &= sound
-        good = self._ok[rows]
-        if not good.all():
-            failed = rows[~good]
+        self._efforts.write(self._effort, rows)
+        if self._compiled.contact.any:
+            self._touch[rows], self._body_contact[rows] = self._compiled.contact.read(self._recorded)
+        failed = self._newly_failed(rows)
+        if len(failed):
+            self._ok[failed] = False
             batch.state[failed] = before[failed]
             batch.forward(failed, stage=_VEL)
-        self._effort[rows[good]] = self._efforts.read()[rows[good]]
-        if self._compiled.contact.any:
-            touch, body_contact = self._compiled.contact.read(self._recorded[good])
-            self._touch[rows[good]], self._body_contact[rows[good]] = touch, body_contact
+            for summary in (self._effort, self._touch, self._body_contact):
+                summary[failed] = 0
+
+    def _newly_failed(self, rows: Rows) -> NDArray[np.intp]:
+        """Return which of the worlds just stepped raised an error or a warning, or hold a number that is not finite."""
+        batch = self._batch
+        # Nearly always nothing is wrong, and three sums over everything say so.
+        if self._ok[rows].all() and not batch.warning.any() and np.isfinite(batch.state.sum()):
+            return np.empty(0, np.intp)
+        stepped = np.zeros(self.num_worlds, bool)
+        stepped[rows] = True
+        # Each of the engine's warnings means that it left out or invented something.
+        sound = self._ok & ~batch.warning[:, :, _COUNT].any(axis=1) & np.isfinite(batch.state).all(axis=1)
+        return np.flatnonzero(stepped & ~sound)
 
     def _everything(self) -> list[NDArray]:
         """Return the arrays that are the worlds' state; writing into them changes it."""

@@ -1,0 +1,78 @@
+"""The frames of massless links, which MuJoCo has merged into the links that they carry."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from guard_api.model.kinematics import Kinematics, rows_of
+from guard_api.model.robot import RobotModel
+
+Array = NDArray[np.float64]
+
+
+class Frames(NamedTuple):
+    """position (N, K, 3) [m], quaternion (N, K, 4), linear (N, K, 3) [m/s] and angular (N, K, 3) [rad/s] velocity."""
+
+    position: Array
+    quaternion: Array
+    linear: Array
+    angular: Array
+
+
+class LinksOnRails:
+    """Massless links of a planar base that only slide: position = rest + sum_j q_j direction_j, never turning.
+
+    Nearly all robots with massless links have just these. `links` includes the first link, which never moves.
+    """
+
+    def __init__(self, robot: RobotModel, links: list[int]) -> None:
+        self.links = [0, *links]
+        kinematics = Kinematics(robot, [robot.links[index].name for index in self.links])
+        self._joints = sorted(index - 1 for index in kinematics.order if index > 0)
+        unit = np.vstack([np.zeros(len(robot.joints)), np.eye(len(robot.joints))[self._joints]])
+        upright = np.tile([1.0, 0.0, 0.0, 0.0], (len(unit), 1))
+        poses = kinematics.poses(np.zeros((len(unit), 3)), upright, unit)
+        self._rows = rows_of(self.links)
+        self._rest, self._quaternion = poses.position[0], poses.quaternion[0]
+        self._directions = poses.position[1:] - self._rest
+
+    def fill(self, frames: Frames, q: Array, qd: Array) -> None:
+        """Write these links into `frames` (N, L, ...), which is zero there, from the joints' state (N, J)."""
+        position, linear = self._rest, 0.0
+        for joint, direction in zip(self._joints, self._directions, strict=True):
+            position = position + q[:, joint, None, None] * direction
+            linear = linear + qd[:, joint, None, None] * direction
+        frames.position[:, self._rows] = position
+        frames.quaternion[:, self._rows] = self._quaternion
+        frames.linear[:, self._rows] = linear
+
+
+class ChainedLinks:
+    """Massless links anywhere in the tree, by forward kinematics from the first link."""
+
+    def __init__(self, robot: RobotModel, links: list[int]) -> None:
+        self.links = links
+        self._rows = rows_of(links)
+        self._kinematics = Kinematics(robot, [robot.links[index].name for index in links])
+
+    def fill(self, frames: Frames, q: Array, qd: Array) -> None:
+        """Write these links into `frames` (N, L, ...), which holds the first link, from the joints' state (N, J)."""
+        poses = self._kinematics.poses(frames.position[:, 0], frames.quaternion[:, 0], q)
+        velocities = self._kinematics.velocities(poses, frames.linear[:, 0], frames.angular[:, 0], qd)
+        for whole, part in zip(frames, (poses.position, poses.quaternion, *velocities), strict=True):
+            whole[:, self._rows] = part
+
+
+MergedLinks: TypeAlias = LinksOnRails | ChainedLinks
+
+
+def merged_links(robot: RobotModel, links: list[int]) -> MergedLinks:
+    """Return what reads the massless links numbered `links` of `robot`."""
+    names = {robot.links[index].name for index in links}
+    carriers = [joint for joint in robot.joints if joint.child in names]
+    first = robot.links[0].name
+    on_rails = all(joint.kind == "prismatic" and joint.parent in {first, *names} for joint in carriers)
+    return LinksOnRails(robot, links) if robot.base == "planar" and on_rails else ChainedLinks(robot, links)
