@@ -6,7 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from faulty_backends import (
+
+from guard_api import plugins, rotations
+from guard_api.errors import PluginError
+from guard_api.testing.conformance import find, run_check
+from tests.faulty_backends import (
     Coupled,
     Credulous,
     Disturbed,
@@ -27,10 +31,6 @@ from faulty_backends import (
     with_joints,
     with_links,
 )
-
-from guard_api import plugins, rotations
-from guard_api.errors import PluginError
-from guard_api.testing.conformance import find, run_check
 
 
 def bad_order(scene):
