@@ -34,6 +34,7 @@ class RobotDrive:
         self.rotors = Rotors(scene, robot, num_worlds) if rotor_joints(robot) else None
         if self.rotors and isinstance(self.passive.accelerations, EngineSolution):
             self.passive.accelerations.reaction = self.rotors.reaction
+            self.motion.reads_motors = True
         self.effort = np.zeros((num_worlds, len(robot.joints)))
         self._geared = np.zeros((num_worlds, self.law.num_controls))
         self._thrust = self.law.thrust(self._geared)
