@@ -27,13 +27,13 @@ RIGID_IMPRATIO = 100.0
 """Friction this much stiffer than the normal direction: what should stick creeps at micrometres per second."""
 
 RIGID_SOLIMP = (0.99, 0.99, 0.001, 0.5, 2.0)
-"""Share of a contact's target acceleration that is reached, at any depth; it makes restitution exact to 1 %."""
+"""Share of its target acceleration that a contact reaches, the same at any depth."""
 
 RIGID_STIFFNESS = 0.04
 """Contact stiffness times timestep^2: a contact pushes this share of its depth out per step.
 
-The last depth before an impact is at most one step's way, so this is also the largest share of the impact speed that
-a contact without restitution gives back. Smaller lets bodies sink: to 1e-5 m under their own weight at 2 ms.
+An impact is seen at most one step's way deep, so this is also the largest share of the impact speed that a contact
+gives back beyond its restitution. Smaller lets bodies sink: to 1e-5 m under their own weight at 2 ms.
 """
 
 FRICTION_TIME = 0.02
