@@ -169,15 +169,6 @@ def test_a_damaged_cell_names_its_file(toy, make_plan, tmp_path: Path):
         run_transfer(make_plan(), tmp_path)
 
 
-def test_training_in_some_backends_runs_their_policies_in_all(toy, make_plan, tmp_path: Path):
-    result = read(run_transfer(make_plan(train_on=("twin",)), tmp_path))
-    assert {backend for backend, _, _ in toy.algorithm.log} == {"twin"}
-    assert {(cell["source"], cell["target"]) for cell in result["cells"]} == {
-        (source, target) for source in ("twin", "random") for target in ("exact", "twin", "strong")
-    }
-    assert [row["target"] for row in result["transfers"]] == ["exact", "strong"]
-
-
 def test_one_backend_or_one_seed_is_a_small_matrix(toy, make_plan, tmp_path: Path):
     result = read(run_transfer(make_plan(backends=("exact",), seeds=(3,)), tmp_path))
     assert result["transfers"] == []
