@@ -27,10 +27,10 @@ FIELDS = ("q", "qd", "base_position", "base_quaternion", "base_linear", "base_an
 class RobotMotion:
     """Joint and base coordinates of N worlds in GUARD's conventions, mirrored from the engine.
 
-    q, qd: (N, J). motor_torque: (N, J) of the engine's velocity motors in the last substep, if `reads_motors`. base_position, base_linear,
-    base_angular: (N, 3), base_quaternion: (N, 4) of the first link's frame, world axes. finite: (N,) False once the
-    engine's numbers of a world were not; the arrays keep the last finite ones. The engine speaks of the base's centre
-    of mass and principal axes instead; only a floating base moves.
+    q, qd: (N, J). motor_torque: (N, J) of the engine's velocity motors in the last substep, if `reads_motors`.
+    base_position, base_linear, base_angular: (N, 3), base_quaternion: (N, 4) of the first link's frame, world axes.
+    finite: (N,) False once the engine's numbers of a world were not; the arrays keep the last finite ones.
+    The engine speaks of the base's centre of mass and principal axes instead; only a floating base moves.
     """
 
     def __init__(self, robot: RobotModel, num_worlds: int) -> None:
