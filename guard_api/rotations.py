@@ -69,7 +69,8 @@ def from_axis_angle(axis: ArrayLike, angle: ArrayLike) -> Array:
 
 def from_rpy(roll: float, pitch: float, yaw: float) -> Array:
     """Return the quaternion `(4,)` of URDF's roll, pitch, yaw [rad]: fixed axes x, then y, then z."""
-    qx, qy, qz = (from_axis_angle(axis, np.float64(angle)) for axis, angle in zip(np.eye(3), (roll, pitch, yaw)))
+    x, y, z = np.eye(3)
+    qx, qy, qz = from_axis_angle(x, roll), from_axis_angle(y, pitch), from_axis_angle(z, yaw)
     return multiply(qz, multiply(qy, qx))
 
 

@@ -71,7 +71,9 @@ def test_plugins_never_import_each_other(name: str) -> None:
 
 
 def _engine(plugin: str) -> str:
-    return {"guard_mujoco": "mujoco", "guard_bullet": "pybullet", "guard_sapien": "sapien", "guard_algos": "torch"}[plugin]
+    return {"guard_mujoco": "mujoco", "guard_bullet": "pybullet", "guard_sapien": "sapien", "guard_algos": "torch"}[
+        plugin
+    ]
 
 
 @pytest.mark.parametrize("file", sources(CORE), ids=lambda f: str(f.relative_to(ROOT)))
@@ -93,7 +95,9 @@ def test_no_file_asks_which_backend_runs() -> None:
                 if isinstance(node, ast.Compare):
                     text = ast.unparse(node)
                     names = [c.value for c in ast.walk(node) if isinstance(c, ast.Constant)]
-                    asks = "backend" in text and {"mujoco", "bullet", "sapien"} & {n for n in names if isinstance(n, str)}
+                    asks = "backend" in text and {"mujoco", "bullet", "sapien"} & {
+                        n for n in names if isinstance(n, str)
+                    }
                     assert not asks, f"{file}: {text}"
 
 
