@@ -55,10 +55,7 @@ def build_robot(client: Client, robot: RobotModel, surfaces: Surfaces) -> int:
             pybullet.changeDynamics(body, index, localInertiaDiagonal=frame.moments, physicsClientId=client)
         friction, restitution = surfaces.of_mover(link_friction(link), ROBOT_RESTITUTION)
         neutralise(client, body, index, friction=friction, restitution=restitution)
-    led = rotor_joints(robot)
-    for index, joint in enumerate(robot.joints):
-        if index not in led:  # a rotor has its own stop and friction, which the engine's would fight
-            _set_joint(client, body, index, joint)
+    _set_joints(client, body, robot)
     _filter_neighbours(client, body, robot)
     return body
 
@@ -88,6 +85,13 @@ def neutralise(client: Client, body: int, index: int, *, friction: float, restit
     }
     for name, value in settings.items():
         pybullet.changeDynamics(body, index, **{name: value}, physicsClientId=client)
+
+
+def _set_joints(client: Client, body: int, robot: RobotModel) -> None:
+    led = rotor_joints(robot)
+    for index, joint in enumerate(robot.joints):
+        if index not in led:  # a rotor has its own stop and friction, which the engine's would fight
+            _set_joint(client, body, index, joint)
 
 
 def _set_joint(client: Client, body: int, index: int, joint: Joint) -> None:
