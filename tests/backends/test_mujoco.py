@@ -210,7 +210,7 @@ def test_touch_leaves_out_what_the_robot_does_to_itself():
     robot = floating_tree()
     ends = ("left_lower", "right_lower")
     robot = replace(robot, touch_links=ends)
-    scene = SceneSpec(robot=robot, gravity=(0.0, 0.0, 0.0), ground=False)
+    scene = SceneSpec(robot=robot, gravity=(0.0, 0.0, 0.0))
     press = np.array([-1.0, 0.0, 1.0, 0.0])
     world = build(scene)
     state = run(world, home_start(scene, 1), 100, press)

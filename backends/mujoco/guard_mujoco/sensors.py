@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from guard_api.errors import BackendError
 from guard_api.model.robot import RobotModel
 from guard_api.scene.spec import SceneSpec
-from guard_mujoco.contact import Surface
+from guard_mujoco.contact import Role, Surface
 from guard_mujoco.robot import link_body, neighbours
 
 OWN_CONTACTS = 4
@@ -29,20 +29,26 @@ EVERYWHERE = 1e4
 ROUNDING = 1e-9
 """Share of a touch force below which it is the rounding of its parts."""
 
+BODY_ROLES: frozenset[Role] = frozenset({"static", "driven", "dynamic"})
+
 _FOUND = 1 << int(mujoco.mjtConDataField.mjCONDATA_FOUND)
 _FORCE = 1 << int(mujoco.mjtConDataField.mjCONDATA_FORCE)
 _UNSORTED, _STRONGEST = 0, 2
+
+NONE = np.empty(0, np.intp)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContactReadout:
     """Columns of the sensor data.
 
-    touch: all normal force on each of the K touch links. own: for the c-th strongest contact of a link with the robot
-    itself, the columns of the normal force, (OWN_CONTACTS, k), on the touch links number own_link (k,).
+    num_touch: number K of touch links; they have no sensors in a scene where nothing can touch them.
+    touch: all normal force on each touch link. own: for the c-th strongest contact of a link with the robot itself,
+    the columns of the normal force, (OWN_CONTACTS, k), on the touch links number own_link (k,).
     found: number of contacts of the robot with each of the B bodies.
     """
 
+    num_touch: int
     touch: slice
     own: NDArray[np.intp]
     own_link: NDArray[np.intp]
@@ -52,11 +58,6 @@ class ContactReadout:
     def any(self) -> bool:
         """Whether there is anything to record."""
         return self.found.stop > 0
-
-    @property
-    def num_touch(self) -> int:
-        """Number of touch links K."""
-        return self.touch.stop
 
     def read(self, recorded: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """Return touch (n, K) [N], the mean over substeps, and body_contact (n, B), from recorded (n, substeps, S)."""
@@ -76,8 +77,9 @@ class ContactReadout:
 def add_contact_sensors(spec: mujoco.MjSpec, scene: SceneSpec, surfaces: list[Surface]) -> None:
     """Add, in this order: K touch sensors, the robot's contacts with itself, B sensors of contact with bodies."""
     robot = scene.robot
-    if robot is None:
-        return
+    roles = {surface.role for surface in surfaces}
+    if robot is None or not (roles & BODY_ROLES or {"ground", "robot"} <= roles):
+        return  # nothing but itself that the robot could touch
     for name in robot.touch_links:
         _add_touch(spec, robot, name)
     root = link_body(robot.links[0].name)
@@ -91,7 +93,7 @@ def add_contact_sensors(spec: mujoco.MjSpec, scene: SceneSpec, surfaces: list[Su
             refname=root,
         )
     for surface in surfaces:
-        if surface.role in {"static", "driven", "dynamic"}:
+        if surface.role in BODY_ROLES:
             spec.add_sensor(
                 type=mujoco.mjtSensor.mjSENS_CONTACT,
                 intprm=[_FOUND, _UNSORTED, 1],
@@ -105,17 +107,19 @@ def add_contact_sensors(spec: mujoco.MjSpec, scene: SceneSpec, surfaces: list[Su
 def contact_readout(scene: SceneSpec, model: mujoco.MjModel) -> ContactReadout:
     """Return where the sensors of `add_contact_sensors` write."""
     robot = scene.robot
-    num_touch = len(robot.touch_links) if robot else 0
-    own_links = _self_touching(robot) if robot else []
-    end_own = num_touch + len(own_links) * OWN_CONTACTS * 3
-    assert not robot or model.nsensordata == end_own + scene.num_bodies
+    if robot is None or model.nsensordata == 0:
+        nothing = slice(0, 0)
+        num_touch = len(robot.touch_links) if robot else 0
+        return ContactReadout(num_touch=num_touch, touch=nothing, own=NONE, own_link=NONE, found=nothing)
+    num_touch, own_links = len(robot.touch_links), _self_touching(robot)
     first = num_touch + OWN_CONTACTS * 3 * np.arange(len(own_links))
     return ContactReadout(
+        num_touch=num_touch,
         touch=slice(0, num_touch),
         # Three numbers per contact, normal force first.
         own=first + 3 * np.arange(OWN_CONTACTS)[:, None],
-        own_link=np.array([robot.touch_links.index(name) for name in own_links] if robot else [], np.intp),
-        found=slice(end_own, model.nsensordata),
+        own_link=np.array([robot.touch_links.index(name) for name in own_links], np.intp),
+        found=slice(model.nsensordata - scene.num_bodies, model.nsensordata),
     )
 
 
