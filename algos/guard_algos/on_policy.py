@@ -158,20 +158,21 @@ class _Training:
         self._epoch += 1
         self._total_steps += self._epoch_steps
         self._cumulative_cost += float(rollout.costs.sum())
+        times = {"time_rollout": collected - begin, "time_update": done - collected}
+        return self._row(batch) | learned | times | {"steps_per_second": self._epoch_steps / (done - begin)}
+
+    def _row(self, batch: Batch) -> dict[str, float]:
+        """Return the columns of the log that every algorithm has, of the epoch that just ended."""
         return {
             "epoch": float(self._epoch),
             "total_steps": float(self._total_steps),
             "epoch_steps": float(self._epoch_steps),
             **batch.episodes.row(self._job.env.cost_names),
-            "violation_rate": float((rollout.costs > 0).any(axis=-1).mean()),
+            "violation_rate": float((batch.rollout.costs > 0).any(axis=-1).mean()),
             "cost_rate": self._cumulative_cost / self._total_steps,
-            "diverged": float(rollout.diverged),
+            "diverged": float(batch.rollout.diverged),
             "entropy": self._policy.entropy(self._theta),
             "reward_advantage_std": batch.reward_advantage_std,
-            **learned,
-            "time_rollout": collected - begin,
-            "time_update": done - collected,
-            "steps_per_second": self._epoch_steps / (done - begin),
         }
 
     def _act(self, observation: Tensor, noise: Tensor) -> Tensor:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -48,39 +48,45 @@ def collect(env: Environment, act: Act, *, episode: int, num_steps: int, generat
 
     Raises NotFiniteError for an observation, reward or cost that is not finite in single precision.
     """
-    T, N = num_steps, env.num_worlds
-    observation = torch.empty(T, N, env.observation_size)
-    action = torch.empty(T, N, env.action_size)
-    noise = torch.randn(T, N, env.action_size, generator=generator)
-    reward, costs = np.empty((T, N)), np.empty((T, N, len(env.cost_names)))
-    success, terminated, ended = (np.empty((T, N), bool) for _ in range(3))
-    last = [np.empty(0, np.intp)]
-    last_observation = [np.empty((0, env.observation_size))]
+    rollout = _allocate(env, num_steps)
+    noise = torch.randn(rollout.action.shape, generator=generator)
+    last, last_observation = [rollout.last], [np.empty((0, env.observation_size))]
     diverged = 0
     now = env.reset(episode=episode)
-    for t in range(T):
-        observation[t] = finite(torch.from_numpy(now).float(), "observation")
-        action[t] = act(observation[t], noise[t])
-        step = env.step(action[t].double().numpy())
+    for t in range(num_steps):
+        rollout.observation[t] = finite(torch.from_numpy(now).float(), "observation")
+        rollout.action[t] = act(rollout.observation[t], noise[t])
+        step = env.step(rollout.action[t].double().numpy())
         now = step.observation
-        reward[t], costs[t], success[t] = step.reward, step.costs, step.success
-        terminated[t], ended[t] = step.terminated, step.terminated | step.truncated
+        rollout.reward[t], rollout.costs[t], rollout.success[t] = step.reward, step.costs, step.success
+        rollout.terminated[t], rollout.ended[t] = step.terminated, step.terminated | step.truncated
         diverged += len(step.failures)
-        cut = ~step.terminated if t == T - 1 else step.truncated & ~step.terminated
+        cut = ~step.terminated if t == num_steps - 1 else step.truncated & ~step.terminated
         if cut.any():
-            last.append(t * N + np.flatnonzero(cut))
+            last.append(t * env.num_worlds + np.flatnonzero(cut))
             last_observation.append(step.final_observation[cut])
-    finite(torch.from_numpy(reward), "reward")
-    finite(torch.from_numpy(costs), "cost")
-    return Rollout(
-        observation=observation,
-        action=action,
-        reward=reward,
-        costs=costs,
-        success=success,
-        terminated=terminated,
-        ended=ended,
+    finite(torch.from_numpy(rollout.reward), "reward")
+    finite(torch.from_numpy(rollout.costs), "cost")
+    return replace(
+        rollout,
         last=np.concatenate(last),
         last_observation=finite(torch.from_numpy(np.concatenate(last_observation)).float(), "last observation"),
         diverged=diverged,
+    )
+
+
+def _allocate(env: Environment, T: int) -> Rollout:
+    """Return a rollout of T steps to be filled in."""
+    N = env.num_worlds
+    return Rollout(
+        observation=torch.empty(T, N, env.observation_size),
+        action=torch.empty(T, N, env.action_size),
+        reward=np.empty((T, N)),
+        costs=np.empty((T, N, len(env.cost_names))),
+        success=np.empty((T, N), bool),
+        terminated=np.empty((T, N), bool),
+        ended=np.empty((T, N), bool),
+        last=np.empty(0, np.intp),
+        last_observation=torch.empty(0, env.observation_size),
+        diverged=0,
     )

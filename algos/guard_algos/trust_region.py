@@ -123,45 +123,67 @@ def update(
     costs: K objectives that `direction` and `accept` keep low; margins: how far each constraint is exceeded.
     Raises NotFiniteError when a gradient or the step is not finite.
     """
+    old, objectives = theta.clone(), (objective, *costs)
     local = LocalPolicy(policy, theta, batch.observation, pool)
-    gradients = [_gradient(policy, theta, batch, local, f) for f in (objective, *costs)]
-    residuals: list[float] = []
+    gradient, *cost_gradients = (_gradient(policy, theta, batch, local, f) for f in objectives)
+    solver = _Solver(local, config)
+    model = LocalModel(
+        gradient=finite(gradient, "gradient of the objective"),
+        cost_gradients=tuple(finite(b, "gradient of a cost") for b in cost_gradients),
+        margins=np.asarray(margins, float),
+        solve=solver,
+        radius=config.target_kl,
+    )
+    step = direction(model)
+    accepted, trial, count = _line_search(
+        theta,
+        finite(step.delta, "policy step"),
+        evaluate=lambda: _evaluate(policy, old, theta, batch, objectives, pool),
+        accept=lambda trial: accept(trial, model, step),
+        config=config,
+    )
+    return Report(
+        accepted=accepted, trial=trial, line_search_steps=count, feasible=step.feasible, cg_residual=solver.residual
+    )
 
-    def solve(b: Tensor) -> Tensor:
+
+class _Solver:
+    """b -> (F + damping I)^-1 b by conjugate gradient; `residual` is the largest relative one so far."""
+
+    def __init__(self, local: LocalPolicy, config: OnPolicyConfig) -> None:
+        self._local, self._config = local, config
+        self.residual = 0.0
+
+    def __call__(self, b: Tensor) -> Tensor:
+        config = self._config
         solution = conjugate_gradient.solve(
-            lambda x: local.fisher(x).add_(x, alpha=config.cg_damping),
+            lambda x: self._local.fisher(x).add_(x, alpha=config.cg_damping),
             b,
             iterations=config.cg_iterations,
             tolerance=config.cg_tolerance,
         )
-        residuals.append(solution.residual)
+        self.residual = max(self.residual, solution.residual)
         return solution.x
 
-    model = LocalModel(
-        gradient=finite(gradients[0], "gradient of the objective"),
-        cost_gradients=tuple(finite(b, "gradient of a cost") for b in gradients[1:]),
-        margins=np.asarray(margins, float),
-        solve=solve,
-        radius=config.target_kl,
-    )
-    step = direction(model)
-    finite(step.delta, "policy step")
-    old, trial, accepted, count = theta.clone(), None, False, 0
-    while not accepted and count < config.backtrack_steps:
-        torch.add(old, step.delta, alpha=config.backtrack_factor**count, out=theta)
-        trial = _evaluate(policy, old, theta, batch, (objective, *costs), pool)
-        accepted = accept(trial, model, step)
+
+def _line_search(
+    theta: Tensor,
+    delta: Tensor,
+    evaluate: Callable[[], Trial],
+    accept: Callable[[Trial], bool],
+    config: OnPolicyConfig,
+) -> tuple[bool, Trial, int]:
+    """Move theta by factor^j delta, j = 0, 1, ..., to the first accepted trial, or back; return the last trial too."""
+    old, count = theta.clone(), 0
+    while True:
+        torch.add(old, delta, alpha=config.backtrack_factor**count, out=theta)
+        trial = evaluate()
         count += 1
-    if not accepted:
-        theta.copy_(old)
-    assert trial is not None
-    return Report(
-        accepted=accepted,
-        trial=trial,
-        line_search_steps=count,
-        feasible=step.feasible,
-        cg_residual=max(residuals, default=0.0),
-    )
+        if accept(trial):
+            return True, trial, count
+        if count == config.backtrack_steps:
+            theta.copy_(old)
+            return False, trial, count
 
 
 def _gradient(policy: GaussianPolicy, theta: Tensor, batch: Batch, local: LocalPolicy, objective: Objective) -> Tensor:
