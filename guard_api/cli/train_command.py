@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 from collections.abc import Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Generic, TypeVar
@@ -73,8 +75,8 @@ def main(argv: Sequence[str]) -> int:
         spec, backend=options.backend, num_worlds=options.num_worlds, seed=options.seed, workers=options.workers
     )
     try:
-        run = _run_directory(options, manifest, config)
-        finished = _train(algorithm, env, run, options, total_steps)
+        with closing(_run_directory(options, manifest, config)) as run:
+            finished = _train(algorithm, env, run, options, total_steps)
     finally:
         env.close()
     _print_summary(run, options.json)
@@ -94,7 +96,7 @@ def _run_directory(options: Any, manifest: Mapping[str, Any], config: Mapping[st
                 f"{options.out}: was made with {key} = {run.manifest.get(key)!r}, not {manifest[key]!r}: "
                 "resume with the options it was made with, or choose another --out"
             )
-    for key, value in config.items():
+    for key, value in json.loads(json.dumps(config)).items():  # as the run's config.json says it
         if run.config.get(key) != value:
             raise RunError(
                 f"{options.out}: was made with --{key.replace('_', '-')} {run.config.get(key)!r}, not {value!r}: "
