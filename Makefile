@@ -24,8 +24,8 @@ $(STAMP): pyproject.toml constraints.txt
 	@touch $(STAMP)
 
 demo: $(STAMP) ## Train in MuJoCo, measure in MuJoCo, PyBullet and SAPIEN; writes demo/report.html
-	@$(BIN)/guard transfer --env Goal_Point_8Hazards --algo trpo-lagrangian --train-on mujoco \
-		--backends mujoco bullet sapien --seeds 0 1 2 --total-steps 600000 --episodes 30 --cost-limit 5 --out $(DEMO)
+	@$(BIN)/guard transfer --env Goal_Point_8Hazards --algo cpo --cost-limit 2 --train-on mujoco \
+		--backends mujoco bullet sapien --seeds 0 1 2 --total-steps 450000 --episodes 25 --out $(DEMO)
 
 test: $(STAMP) ## Run the fast tests on every installed backend
 	@$(BIN)/python -m pytest -n 2 tests
