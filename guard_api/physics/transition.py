@@ -53,9 +53,8 @@ class Transition:
 
 def in_frame(rotation: Array, vectors: Array) -> Array:
     """Return world vectors `(N, K, 3)` in the axes of frames with `rotation` `(N, 3, 3)`: `(N, K, 3)`."""
-    # Three products instead of a matrix product: the same bits for a world whatever N is.
-    R = rotation[:, None]
-    return vectors[..., 0:1] * R[..., 0, :] + vectors[..., 1:2] * R[..., 1, :] + vectors[..., 2:3] * R[..., 2, :]
+    # A stacked product is one small product per world, so a world's bits do not depend on N.
+    return vectors @ rotation
 
 
 def rotation_matrices(quaternion: Array) -> Array:

@@ -9,6 +9,7 @@ import numpy as np
 from guard_api.physics.transition import Array, Snapshot
 
 _TURN: Final[float] = 2.0 * np.pi
+_NEIGHBOURS: Final = np.array([0, 1, -1])[:, None, None]
 
 
 def pseudo_lidar(snapshot: Snapshot, objects: Array, bins: int, gain: float) -> Array:
@@ -23,25 +24,19 @@ def pseudo_lidar(snapshot: Snapshot, objects: Array, bins: int, gain: float) -> 
     readings = np.zeros((num_worlds, bins))
     if num_objects == 0:
         return readings
-    x, y = _planar_offsets(snapshot, objects)
+    offsets = objects - snapshot.position[:, None]
+    offsets[..., 2] = -snapshot.position[:, None, 2]
+    local = snapshot.in_robot_frame(offsets)
+    x, y = local[..., 0], local[..., 1]
     nearness = np.exp(-gain * np.sqrt(x * x + y * y))
     position = np.arctan2(y, x) * (bins / _TURN)
     sector = np.floor(position)
     share = position - sector
-    sector = sector.astype(np.intp)
 
-    row = np.arange(num_worlds)[:, None] * bins
-    flat = readings.reshape(-1)
-    np.maximum.at(flat, (row + sector % bins).reshape(-1), nearness.reshape(-1))
-    np.maximum.at(flat, (row + (sector + 1) % bins).reshape(-1), (share * nearness).reshape(-1))
-    np.maximum.at(flat, (row + (sector - 1) % bins).reshape(-1), ((1.0 - share) * nearness).reshape(-1))
+    values = np.empty((3, num_worlds, num_objects))
+    values[0], values[1], values[2] = 1.0, share, 1.0 - share  # in its own sector, the next, the one before
+    values *= nearness
+    sectors = (sector.astype(np.intp) + _NEIGHBOURS) % bins
+    first = np.arange(num_worlds)[:, None] * bins
+    np.maximum.at(readings.reshape(-1), (first + sectors).reshape(-1), values.reshape(-1))
     return readings
-
-
-def _planar_offsets(snapshot: Snapshot, objects: Array) -> tuple[Array, Array]:
-    """Return x and y of the objects in the root link's axes: each (N, K) [m]; the objects' height counts as 0."""
-    dx = objects[..., 0] - snapshot.position[:, None, 0]
-    dy = objects[..., 1] - snapshot.position[:, None, 1]
-    dz = -snapshot.position[:, None, 2]
-    R = snapshot.rotation[:, :, :, None]
-    return dx * R[:, 0, 0] + dy * R[:, 1, 0] + dz * R[:, 2, 0], dx * R[:, 0, 1] + dy * R[:, 1, 1] + dz * R[:, 2, 1]
