@@ -43,7 +43,7 @@ format: $(STAMP) ## Format the code
 	@$(BIN)/ruff check --fix -q . ; $(BIN)/ruff format -q .
 
 bench: $(STAMP) ## Benchmark and compare with the last saved run
-	@$(BIN)/python -m pytest benchmarks -m '' --benchmark-only --benchmark-autosave --benchmark-compare --benchmark-storage=.benchmarks
+	@$(BIN)/python -m pytest benchmarks --benchmark-only --benchmark-autosave --benchmark-storage=.benchmarks $(if $(wildcard .benchmarks/*/*.json),--benchmark-compare)
 
 clean: ## Remove what make built
 	rm -rf $(VENV) $(DEMO) .benchmarks .pytest_cache .ruff_cache
