@@ -1,8 +1,8 @@
 """Multilayer perceptrons on one flat parameter vector, with their Jacobian products written out.
 
 The critics' fits and the Fisher products are most of a training's time. Both need only products with the network's
-Jacobian, which are three sweeps over the layers; written out they take about half the time of automatic
-differentiation.
+Jacobian, which are three sweeps over the layers; written out, a critic's gradient takes two thirds of the time of
+automatic differentiation.
 """
 
 from __future__ import annotations

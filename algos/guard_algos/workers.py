@@ -10,7 +10,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-ROWS = 2000
+ROWS = 3000
 """Rows of one piece: a layer's activations stay in a processor's cache."""
 
 
@@ -18,8 +18,8 @@ ROWS = 2000
 def workers(count: int) -> Iterator[Executor]:
     """Give a pool of `count` threads, and one thread to each PyTorch operation while it is open.
 
-    Threads that meet once per sweep over the batch are faster than threads that share each operation, and far less
-    disturbed by other processes. No result depends on `count`, because a piece is always computed by one thread.
+    Threads that meet once per sweep over the batch lose less to other processes on the machine than threads that share
+    and wait in each operation. No result depends on `count`, because a piece is always computed by one thread.
     """
     before = torch.get_num_threads()
     torch.set_num_threads(1)
