@@ -63,7 +63,7 @@ class Environment:
     ) -> None:
         if num_worlds < 1:
             raise SpecError(f"num_worlds is {num_worlds}: it must be at least 1")
-        self.spec, self.backend_name, self.num_worlds, self.seed = spec, backend, num_worlds, seed
+        self.spec, self.backend_name, self.num_worlds, self.seed = spec, backend, num_worlds, _checked(seed)
         self.robot = load_robot(spec.robot)
         self._groups = (*spec.task.objects(), *(g for c in spec.constraints for g in c.objects()))
         self.scene = SceneSpec(
@@ -100,7 +100,7 @@ class Environment:
         seed: replaces the environment's seed. The same seed and episode give the same start on every backend.
         """
         if seed is not None:
-            self.seed = seed
+            self.seed = _checked(seed)
         self._episode[:] = episode
         self._now = self._begin(self._everywhere)
         return self._observe(self._standstill(self._now))
@@ -230,6 +230,13 @@ def make_environment(
     """
     spec = make_spec(env) if isinstance(env, str) else env
     return Environment(spec, backend=backend, num_worlds=num_worlds, seed=seed, workers=workers)
+
+
+def _checked(seed: int) -> int:
+    """Return `seed`. Raises SpecError for a negative one, which no stream can have."""
+    if seed < 0:
+        raise SpecError(f"seed is {seed}: it must not be negative")
+    return seed
 
 
 def _survivors(state: State, previous: State) -> tuple[State, Mask]:

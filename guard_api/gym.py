@@ -105,8 +105,11 @@ class GuardVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
         info = _batched_info(self.environment, step)
         ended = step.terminated | step.truncated
         if ended.any():
-            info["final_obs"], info["_final_obs"] = step.final_observation, ended
-            info["final_info"], info["_final_info"] = dict(info), ended
+            final_info = dict(info)
+            info["final_obs"] = np.full(self.num_envs, None, dtype=object)
+            for i in np.flatnonzero(ended):
+                info["final_obs"][i] = step.final_observation[i]
+            info |= {"_final_obs": ended, "final_info": final_info, "_final_info": ended}
         return step.observation, step.reward, step.terminated, step.truncated, info
 
     def close_extras(self, **kwargs: Any) -> None:
@@ -139,6 +142,7 @@ def _batched_info(environment: Environment, step: Step) -> dict[str, Any]:
         "costs": {name: step.costs[:, i] for i, name in enumerate(environment.cost_names)},
         "success": step.success,
     }
+    info |= {f"_{key}": np.ones(environment.num_worlds, dtype=bool) for key in info}
     if step.failures:
         info["failure"] = np.array([step.failures.get(i, "") for i in range(environment.num_worlds)], dtype=object)
         info["_failure"] = step.terminated

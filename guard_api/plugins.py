@@ -64,5 +64,7 @@ def _import(entry: EntryPoint) -> Any:
                 f"{entry.name!r} needs the package {missing!r}: pip install 'guard-api[{_EXTRA_OF[missing]}]'"
             ) from error
         raise PluginError(f"{entry.name!r} ({entry.value}) cannot be imported: {error}") from error
+    except OSError as error:
+        raise PluginError(f"{entry.name!r} ({entry.value}): a library it needs cannot be loaded: {error}") from error
     except AttributeError as error:
         raise PluginError(f"{entry.name!r} names {entry.value}, which does not exist: {error}") from error

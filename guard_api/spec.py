@@ -7,7 +7,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, get_args
 
 from guard_api.constraints import CONSTRAINTS, Constraint
 from guard_api.errors import SpecError, unknown_name
@@ -33,6 +33,24 @@ class EnvSpec:
     episode_length: int = 1000
     preset: ContactPreset = "rigid"
 
+    def __post_init__(self) -> None:
+        """Refuse what means nothing: one SpecError that names the field."""
+        groups = [*self.task.objects(), *(g for constraint in self.constraints for g in constraint.objects())]
+        names = [group.name for group in groups]
+        for name in names:
+            if names.count(name) > 1:
+                raise SpecError(f"environment {self.name!r}: two parts place {name!r}: each may appear once")
+        for group in groups:
+            if group.count < 0:
+                raise SpecError(f"environment {self.name!r}: {group.count} {group.name}: must not be negative")
+        if type(self.episode_length) is not int or self.episode_length < 1:
+            raise SpecError(f"environment {self.name!r}: episode_length is {self.episode_length!r}: at least 1")
+        if self.preset not in get_args(ContactPreset):
+            raise unknown_name("contact preset", self.preset, get_args(ContactPreset))
+        xmin, ymin, xmax, ymax = self.extents
+        if not (xmin < xmax and ymin < ymax):
+            raise SpecError(f"environment {self.name!r}: extents {self.extents} are not (xmin, ymin, xmax, ymax)")
+
     def to_json(self) -> dict[str, Any]:
         """Return the specification as JSON data; `EnvSpec.from_json` reads it back."""
         data: dict[str, Any] = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
@@ -54,14 +72,14 @@ class EnvSpec:
             values["constraints"] = tuple(_term_from_json("constraint", CONSTRAINTS, c) for c in data["constraints"])
             values["extents"] = tuple(float(x) for x in data.get("extents", (-2.0, -2.0, 2.0, 2.0)))
             return cls(**values)
-        except (KeyError, TypeError) as error:
+        except (KeyError, TypeError, ValueError) as error:
             raise SpecError(
                 f"environment spec {data.get('name', '?')!r}: missing or malformed field: {error}"
             ) from error
 
     @property
     def fingerprint(self) -> str:
-        """A 16-digit hash of the whole specification: equal fingerprints mean the same task."""
+        """A 16-digit hash of the specification: with equal robot files, equal fingerprints mean the same task."""
         text = json.dumps(self.to_json(), sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 

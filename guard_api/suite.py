@@ -11,7 +11,7 @@ from guard_api.model.library import robot_names
 from guard_api.spec import EnvSpec
 from guard_api.tasks import TASKS
 
-_GRAMMAR: Final = re.compile(r"(?P<task>[A-Za-z]+)_(?P<robot>[A-Za-z0-9]+)_(?P<count>\d+)(?P<constraint>[A-Za-z]+)")
+_GRAMMAR: Final = re.compile(r"(?P<task>[A-Za-z]+)_(?P<robot>[A-Za-z0-9_-]+)_(?P<count>\d+)(?P<constraint>[A-Za-z]+)")
 
 _MAX_COUNT: Final = 8
 """Objects in the named suite; any other number works too."""
@@ -20,7 +20,7 @@ _MAX_COUNT: Final = 8
 def known_names() -> list[str]:
     """Return the environment names of the suite: every task with every robot and eight objects of every constraint."""
     return [
-        f"{task}_{robot.capitalize()}_{_MAX_COUNT}{constraint}"
+        _name(task, robot, _MAX_COUNT, constraint)
         for task in TASKS
         for robot in robot_names()
         for constraint in CONSTRAINTS
@@ -47,8 +47,13 @@ def make_spec(name: str) -> EnvSpec:
             error = unknown_name(kind, value, known)
             raise SpecError(f"environment {name!r}: {error}")
     return EnvSpec(
-        name=name,
+        name=_name(task, robots[robot], count, constraint),
         robot=robots[robot],
         task=TASKS[task](),
         constraints=(CONSTRAINTS[constraint](count=count),),
     )
+
+
+def _name(task: str, robot: str, count: int, constraint: str) -> str:
+    """Return the one spelling of an environment's name."""
+    return f"{task}_{robot.capitalize()}_{count}{constraint}"

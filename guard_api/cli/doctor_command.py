@@ -7,15 +7,19 @@ import platform
 import shutil
 import sys
 from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
+
+import numpy as np
 
 from guard_api import __version__, plugins
 from guard_api.cli.options import parse
 from guard_api.cli.output import print_json, print_table
 from guard_api.env import make_environment
-from guard_api.errors import GuardError
-from guard_api.suite import known_names
+
+PROBE: Final = "Goal_Point_8Hazards"
+"""The environment that is stepped once on every backend."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,15 +62,14 @@ def _backends() -> list[dict[str, Any]]:
         if reason is not None:
             rows.append(_row(f"backend {name}", "missing", reason))
             continue
-        versions = plugins.load("guard.backends", name).versions()
-        note = ", ".join(f"{package} {version}" for package, version in versions.items())
         try:
-            env = make_environment(known_names()[0], backend=name, workers=1)
-            env.step(env.world.state().time[:, None].repeat(env.action_size, axis=1))
-            env.close()
-        except GuardError as error:
-            rows.append(_row(f"backend {name}", "broken", f"{error}"))
+            versions = plugins.load("guard.backends", name).versions()
+            with closing(make_environment(PROBE, backend=name, workers=1)) as env:
+                env.step(np.zeros((1, env.action_size)))
+        except Exception as error:  # noqa: BLE001 - a broken engine may raise anything, and saying so is the point
+            rows.append(_row(f"backend {name}", "broken", f"{type(error).__name__}: {error}"))
         else:
+            note = ", ".join(f"{package} {version}" for package, version in versions.items())
             rows.append(_row(f"backend {name}", "ok", note))
     return rows
 

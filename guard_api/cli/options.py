@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from typing import Any, TypeVar, cast
 
@@ -18,16 +19,22 @@ def parse(options: type[T], name: str, argv: Sequence[str], description: str) ->
     return tyro.cli(options, prog=f"guard {name}", args=list(argv), description=description)
 
 
-def parse_with_algorithm(
-    generic: Any, name: str, argv: Sequence[str], description: str, default: str
-) -> tuple[Any, Any]:
+def parse_with_algorithm(generic: Any, name: str, argv: Sequence[str], description: str) -> tuple[Any, Any]:
     """Parse `argv` into `generic[config type of the algorithm]`; return the options and the algorithm.
 
     Which options exist depends on --algo, so that flag is looked up first.
     """
-    algorithm = plugins.load("guard.algorithms", _flag(argv, "--algo", default))
+    default = next(field.default for field in dataclasses.fields(generic) if field.name == "algo")
+    algorithm = plugins.load("guard.algorithms", _flag(argv, "--algo", str(default)))
     options = parse(cast("type[Any]", generic[algorithm.config_type]), name, argv, description)
     return options, algorithm
+
+
+def whole_steps(total_steps: float) -> int:
+    """Return --total-steps, which may be written 1e6, as a whole number. Raises SpecError below 1 and for NaN."""
+    if not 1 <= total_steps < float("inf"):
+        raise SpecError(f"--total-steps is {total_steps}: it must be at least 1")
+    return int(total_steps)
 
 
 def _flag(argv: Sequence[str], flag: str, default: str) -> str:

@@ -10,6 +10,7 @@ from typing import Annotated
 import tyro
 
 from guard_api.cli.options import parse
+from guard_api.cli.output import print_json
 from guard_api.measure.report import write_report
 
 
@@ -19,10 +20,16 @@ class Options:
 
     out: Annotated[Path, tyro.conf.Positional]
     """Directory of a finished `guard transfer`."""
+    json: bool = False
+    """Print the path as JSON."""
 
 
 def main(argv: Sequence[str]) -> int:
     """Run the command."""
     options = parse(Options, "report", argv, "Write report.html and matrix.png of a transfer directory.")
-    print(write_report(options.out))
+    report = str(write_report(options.out))
+    if options.json:
+        print_json({"report": report})
+    else:
+        print(report)
     return 0

@@ -16,10 +16,10 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 from guard_api import plugins
 from guard_api.algorithm import Algorithm, TrainingJob
 from guard_api.cli.interrupt import stop_request
-from guard_api.cli.options import parse_with_algorithm
+from guard_api.cli.options import parse_with_algorithm, whole_steps
 from guard_api.cli.output import print_json, print_table
 from guard_api.env import make_environment
-from guard_api.errors import RunError, SpecError
+from guard_api.errors import RunError
 from guard_api.runs.directory import RunDirectory
 from guard_api.runs.manifest import build_manifest
 from guard_api.suite import make_spec
@@ -57,10 +57,8 @@ class Options(Generic[Config]):
 
 def main(argv: Sequence[str]) -> int:
     """Run the command."""
-    options, algorithm = parse_with_algorithm(Options, "train", argv, "Train a policy on one backend.", "trpo")
-    total_steps = int(options.total_steps)
-    if total_steps < 1:
-        raise SpecError(f"--total-steps is {options.total_steps}: it must be at least 1")
+    options, algorithm = parse_with_algorithm(Options, "train", argv, "Train a policy on one backend.")
+    total_steps = whole_steps(options.total_steps)
     spec = make_spec(options.env)
     manifest = build_manifest(
         env_spec=spec,
@@ -90,7 +88,7 @@ def _run_directory(options: Any, manifest: Mapping[str, Any], config: Mapping[st
     if not options.resume:
         return RunDirectory.create(options.out, manifest=manifest, config=config)
     run = RunDirectory.open(options.out)
-    for key in ("spec_fingerprint", "backend", "algorithm", "seed", "num_worlds"):
+    for key in ("spec_fingerprint", "assets", "backend", "algorithm", "seed", "num_worlds"):
         if run.manifest.get(key) != manifest[key]:
             raise RunError(
                 f"{options.out}: was made with {key} = {run.manifest.get(key)!r}, not {manifest[key]!r}: "

@@ -12,7 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsed
 from rich.progress import Progress as ProgressBars
 
 from guard_api.cli.interrupt import stop_request
-from guard_api.cli.options import parse_with_algorithm
+from guard_api.cli.options import parse_with_algorithm, whole_steps
 from guard_api.cli.output import print_json, print_table
 from guard_api.measure.plan import TransferPlan
 from guard_api.measure.report import write_report
@@ -31,7 +31,7 @@ class Options(Generic[Config]):
     """Environment, such as Goal_Point_8Hazards (`guard list envs`)."""
     out: Path
     """Directory for everything: runs, cells, transfer.json, matrix.png, report.html."""
-    algo: str = "trpo-lagrangian"
+    algo: str = "cpo"
     """Algorithm (`guard list algos`)."""
     backends: tuple[str, ...] = ("mujoco", "bullet", "sapien")
     """Simulators to evaluate every policy in."""
@@ -60,15 +60,15 @@ class Options(Generic[Config]):
 def main(argv: Sequence[str]) -> int:
     """Run the command."""
     text = "Train on some simulators, evaluate every policy in all: the transfer matrix."
-    options, algorithm = parse_with_algorithm(Options, "transfer", argv, text, "trpo-lagrangian")
+    options, algorithm = parse_with_algorithm(Options, "transfer", argv, text)
     plan = TransferPlan(
         spec=make_spec(options.env),
         algorithm=algorithm.name,
         config=options.algorithm,
         backends=options.backends,
-        train_on=options.train_on or options.backends,
+        train_on=options.train_on,
         seeds=options.seeds,
-        total_steps=int(options.total_steps),
+        total_steps=whole_steps(options.total_steps),
         num_worlds=options.num_worlds,
         episodes=options.episodes,
         cost_limit=options.verdict_limit,
@@ -77,10 +77,12 @@ def main(argv: Sequence[str]) -> int:
     if result is None:
         raise KeyboardInterrupt
     report = write_report(options.out)
+    matrix = read_json(result, "run the same command again")
     if options.json:
-        print_json(read_json(result, "run the same command again")["transfers"])
+        cells = [{key: value for key, value in cell.items() if key != "runs"} for cell in matrix["cells"]]
+        print_json({"report": str(report), "cells": cells, "transfers": matrix["transfers"]})
     else:
-        _print_matrix(read_json(result, "run the same command again"))
+        _print_matrix(matrix)
         print(f"report: {report}")
     return 0
 

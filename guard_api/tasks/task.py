@@ -20,7 +20,7 @@ class Task(Protocol):
         ...
 
     def reward(self, t: Transition) -> Array:
-        """Return the dense reward of a step: (N,), the success bonus excluded."""
+        """Return the reward of a step: (N,), bonuses included; a new array, which the environment may change."""
         ...
 
     def reached(self, t: Transition) -> NDArray[np.bool_]:

@@ -121,6 +121,8 @@ def test_doctor_steps_every_backend(capsys: pytest.CaptureFixture[str]) -> None:
         (["train", "--env", ENV, "--out", "x", "--backend", "mujocco"], ["mujocco", "mujoco"]),
         (["train", "--env", ENV, "--out", "x", "--algo", "tpro"], ["tpro", "trpo"]),
         (["train", "--env", ENV, "--out", "x", "--total-steps", "0"], ["total", "at least 1"]),
+        (["train", "--env", ENV, "--out", "x", "--total-steps", "nan"], ["total", "nan"]),
+        (["train", "--env", ENV, "--out", "x", "--seed", "-1"], ["seed is -1"]),
         (["train", "--env", ENV, "--out", "x", "--num-worlds", "0", "--backend", "ideal"], ["num_worlds", "0"]),
         (["train", "--env", ENV, "--out", "x", "--gamma", "1.5"], ["gamma", "1.5"]),
         (["train", "--env", ENV, "--out", "x", "--sede", "1"], ["--sede"]),

@@ -163,8 +163,10 @@ def test_vector_face(backend_name: str) -> None:
     assert reward.shape == (3,)
     assert truncated.all()
     assert not terminated.any()
-    assert info["final_obs"].shape == observation.shape
-    assert not np.isclose(info["final_obs"], observation).all()
+    assert info["_final_obs"].all()
+    assert np.stack(info["final_obs"]).shape == observation.shape
+    assert not np.isclose(np.stack(info["final_obs"]), observation).all()
+    assert info["final_info"]["cost"].shape == (3,)
     assert info["cost"].shape == (3,)
     assert set(info["costs"]) == {"hazards"}
     envs.close()
@@ -199,6 +201,7 @@ def test_gymnasium_reset_seeds_and_continues() -> None:
         ({"env": "nonsense"}, "unknown environment"),
         ({"env": ENV, "backend": "mujocco"}, "did you mean mujoco"),
         ({"env": ENV, "num_worlds": 0}, "num_worlds is 0"),
+        ({"env": ENV, "seed": -1}, "seed is -1"),
         ({"env": "Goal_Point_60Hazards"}, "fewer objects"),
     ],
 )

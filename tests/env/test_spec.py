@@ -41,9 +41,22 @@ def test_any_change_changes_the_fingerprint() -> None:
         ({"task": {"type": "Gaol"}}, "did you mean Goal"),
         ({"task": {"type": "Goal", "siez": 1}}, "siez"),
         ({"constraints": [{"type": "Hazard", "count": 8}]}, "did you mean Hazards"),
+        ({"constraints": [{"type": "Hazards", "count": 8}] * 2}, "two parts place 'hazards'"),
+        ({"constraints": [{"type": "Hazards", "count": -1}]}, "-1 hazards"),
+        ({"episode_length": 0}, "episode_length is 0"),
+        ({"episode_length": "abc"}, "episode_length is 'abc'"),
+        ({"preset": "bogus"}, "contact preset 'bogus'"),
+        ({"extents": [2, 2, -2, -2]}, "extents"),
+        ({"task": "Goal"}, "malformed"),
     ],
 )
 def test_malformed_specs_are_refused_by_field(change: dict, message: str) -> None:
     data = {**make_spec("Goal_Point_8Hazards").to_json(), **change}
     with pytest.raises(SpecError, match=message):
         EnvSpec.from_json(data)
+
+
+def test_a_name_has_one_spelling() -> None:
+    spec = make_spec("Goal_Point_8Hazards")
+    for other in ("Goal_point_8Hazards", "Goal_Point_08Hazards"):
+        assert make_spec(other) == spec
