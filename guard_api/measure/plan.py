@@ -12,6 +12,7 @@ import guard_api
 from guard_api import plugins
 from guard_api.errors import RunError, SpecError
 from guard_api.runs.atomic import read_json, write_json
+from guard_api.runs.manifest import asset_hashes
 from guard_api.spec import EnvSpec
 
 PLAN_FORMAT: Final = "guard-transfer-plan-1"
@@ -81,6 +82,7 @@ class TransferPlan:
         return {
             "env": self.spec.name,
             "spec_fingerprint": self.spec.fingerprint,
+            **{f"assets.{file}": digest for file, digest in asset_hashes(self.spec.robot).items()},
             "algorithm": self.algorithm,
             **{f"config.{name}": value for name, value in config.items()},
             "total_steps": self.total_steps,

@@ -39,13 +39,14 @@ The case is the hardest: seeds differ much more than the episodes of one seed do
 class Estimate:
     """A number with its 95 % interval [low, high], None where there is none, and the points behind it.
 
-    per_seed: (K,) the same number from each training seed alone. reason: why there is no interval or no number.
+    per_seed: (K,) the same number from each training seed alone, None where that seed's is undefined. reason: why
+    there is no interval or no number.
     """
 
     value: float | None
     low: float | None = None
     high: float | None = None
-    per_seed: tuple[float, ...] = ()
+    per_seed: tuple[float | None, ...]
     reason: str = ""
 
 
@@ -84,19 +85,22 @@ class Bootstrap:
         Undefined (value None, with the reason) when the denominator is not clearly positive: its interval, or below
         `MIN_SEEDS` seeds its mean, reaches zero.
         """
+        means = zip(above.mean(axis=1).tolist(), below.mean(axis=1).tolist(), strict=True)
+        per_seed = tuple(a / b if b > 0.0 else None for a, b in means)
         floor = self.mean(below)
         if (floor.low if floor.low is not None else floor.value or 0.0) <= 0.0:
-            return Estimate(value=None, reason="undefined: the denominator is not clearly above zero")
-        per_seed_below = below.mean(axis=1)
-        points = above.mean(axis=1)[per_seed_below > 0.0] / per_seed_below[per_seed_below > 0.0]
-        return self._estimate(lambda mean: mean(above) / mean(below), tuple(points.tolist()))
+            reason = "undefined: the denominator is not clearly above zero"
+            return Estimate(value=None, per_seed=per_seed, reason=reason)
+        return self._estimate(lambda mean: mean(above) / mean(below), per_seed)
 
     def one_sided(self, values: Array) -> tuple[float, float]:
         """Return the lower and the upper one-sided 95 % bound of the mean of `values` (K, E)."""
         low, high = np.quantile(self.means(values), [1.0 - CONFIDENCE, CONFIDENCE])
         return float(low), float(high)
 
-    def _estimate(self, of: Callable[[Callable[[Array], Array]], Array], per_seed: tuple[float, ...]) -> Estimate:
+    def _estimate(
+        self, of: Callable[[Callable[[Array], Array]], Array], per_seed: tuple[float | None, ...]
+    ) -> Estimate:
         value = float(of(lambda values: values.mean()))
         if not self.available:
             return Estimate(value=value, per_seed=per_seed, reason=f"no interval below {MIN_SEEDS} seeds")

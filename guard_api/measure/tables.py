@@ -75,6 +75,7 @@ def seed_table(result: TransferResult) -> str:
 def fact_table(result: TransferResult) -> str:
     """Return everything that decides the numbers, from the manifest."""
     manifest = result.manifest
+    commits = manifest.get("commits", [manifest["git"]])
     facts = {
         "command": manifest["command"],
         "measured": manifest["started"],
@@ -89,7 +90,7 @@ def fact_table(result: TransferResult) -> str:
         "intervals": f"{manifest['bootstrap']['replicates']:,} bootstrap replicates over seeds, then episodes; paired",
         "engines": manifest["engines"],
         "versions": manifest["versions"],
-        "commit": manifest["git"],
+        "commits": commits if any(commits) else None,
         "machine": manifest["hardware"],
         "platform": manifest["platform"],
         "robot files": manifest["assets"],

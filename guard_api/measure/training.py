@@ -20,6 +20,7 @@ from guard_api.algorithm import TrainingJob
 from guard_api.env import make_environment
 from guard_api.errors import RunError
 from guard_api.measure.plan import TransferPlan
+from guard_api.physics.build import usable_cores
 from guard_api.runs.atomic import write_json
 from guard_api.runs.directory import RunDirectory
 from guard_api.runs.manifest import build_manifest
@@ -124,7 +125,7 @@ def _train_in_processes(
 ) -> bool:
     context = multiprocessing.get_context("spawn")
     stop, rows = context.Event(), context.Queue()
-    threads = max(1, (os.cpu_count() or 1) // jobs)
+    threads = max(1, usable_cores() // jobs)
     with (
         _numeric_threads(threads),
         ProcessPoolExecutor(jobs, mp_context=context, initializer=_begin_process, initargs=(stop, rows)) as pool,

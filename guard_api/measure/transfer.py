@@ -21,7 +21,7 @@ from guard_api.measure.result import TRANSFER_FORMAT
 from guard_api.measure.rollout import EpisodeTable, RandomPolicy, evaluate
 from guard_api.measure.statistics import COVERAGE, REPLICATES
 from guard_api.measure.summary import RANDOM, Tables, summarise
-from guard_api.measure.training import FINISHED, run_path, train_all
+from guard_api.measure.training import FINISHED, is_trained, run_path, train_all
 from guard_api.runs.atomic import read_json, write_json
 from guard_api.runs.directory import RunDirectory
 from guard_api.runs.manifest import asset_hashes, describe_machine, package_versions
@@ -66,21 +66,25 @@ def run_transfer(
         return None
     if not _evaluate_all(plan, out, workers, report, should_stop):
         return None
+    claim_folder(plan, out)  # again: a robot file may have been edited since
     path = out / "transfer.json"
     write_json(path, _result(plan, out))
     return path
 
 
 class _TrainingCounter:
-    """Turns training rows into `Progress`."""
+    """Turns training rows into `Progress`; a run is done with the row that reaches its steps."""
 
     def __init__(self, plan: TransferPlan, out: Path, report: Callable[[Progress], None]) -> None:
         self._runs = [(b, s) for b in plan.sources for s in plan.seeds]
-        self._out, self._report = out, report
+        self._plan, self._out, self._report = plan, out, report
+        self._trained: set[tuple[str, int]] = set()
 
     def __call__(self, backend: str, seed: int, row: Mapping[str, float]) -> None:
-        done = sum((run_path(self._out, b, s) / FINISHED).exists() for b, s in self._runs)
-        total = len(self._runs)
+        self._trained |= {(b, s) for b, s in self._runs if is_trained(self._out, b, s)}
+        if row["total_steps"] >= self._plan.total_steps:
+            self._trained.add((backend, seed))
+        done, total = len(self._trained), len(self._runs)
         self._report(
             Progress(stage="train", source=backend, target=backend, seed=seed, done=done, total=total, row=row)
         )
@@ -133,6 +137,7 @@ def _evaluate_cell(plan: TransferPlan, out: Path, env: Environment, source: str,
         "seed": seed,
         "checkpoint": None if checkpoint is None else checkpoint.relative_to(out).as_posix(),
         "approximations": list(env.world.approximations),
+        "made": {**describe_machine(), "versions": package_versions()},
         "episodes": table.to_json(),
     }
     write_json(_cell_path(out, source, target, seed), cell)
@@ -165,10 +170,11 @@ def _result(plan: TransferPlan, out: Path) -> dict[str, Any]:
         for target in plan.backends
     }
     tables: Tables = {key: [EpisodeTable.from_json(c["episodes"]) for c in cells] for key, cells in raw.items()}
+    runs = {(b, k): RunDirectory.open(run_path(out, b, k)) for b in plan.sources for k in plan.seeds}
     cells, transfers = summarise(tables, plan.limit)
     return {
         "format": TRANSFER_FORMAT,
-        "manifest": _manifest(plan, out, {b: raw[RANDOM, b][0]["approximations"] for b in plan.backends}),
+        "manifest": _manifest(plan, out, raw, [run.manifest["git"] for run in runs.values()]),
         "backends": list(plan.backends),
         "sources": list(plan.sources),
         "seeds": list(plan.seeds),
@@ -185,16 +191,20 @@ def _result(plan: TransferPlan, out: Path) -> dict[str, Any]:
             for cell in cells
         ],
         "transfers": [transfer.to_json() for transfer in transfers],
-        "training": [
-            {"backend": b, "seed": k, "rows": RunDirectory.open(run_path(out, b, k)).rows()}
-            for b in plan.sources
-            for k in plan.seeds
-        ],
+        "training": [{"backend": b, "seed": k, "rows": run.rows()} for (b, k), run in runs.items()],
     }
 
 
-def _manifest(plan: TransferPlan, out: Path, approximations: dict[str, list[str]]) -> dict[str, Any]:
+def _manifest(
+    plan: TransferPlan, out: Path, raw: Mapping[tuple[str, str], list[dict[str, Any]]], trained_with: list[Any]
+) -> dict[str, Any]:
+    """Return what decided the numbers; machine, versions and command are those of the newest cell.
+
+    raw: the cells of every (source, target). trained_with: the git states of the trainings.
+    """
     engines = read_json(out / "plan.json", "choose another folder")["versions"]
+    made = sorted((cell["made"] for cells in raw.values() for cell in cells), key=lambda made: made["started"])
+    states = [*trained_with, *(one["git"] for one in made)]
     return {
         "env": plan.spec.name,
         "spec": plan.spec.to_json(),
@@ -209,9 +219,9 @@ def _manifest(plan: TransferPlan, out: Path, approximations: dict[str, list[str]
         "evaluation_seed": plan.evaluation_seed,
         "deterministic": True,
         "bootstrap": {"replicates": REPLICATES, "coverage": {str(k): value for k, value in COVERAGE.items()}},
-        "approximations": approximations,
-        "versions": package_versions(),
+        "approximations": {b: raw[RANDOM, b][0]["approximations"] for b in plan.backends},
         "engines": {name: engines[name] for name in plan.backends},
         "assets": asset_hashes(plan.spec.robot),
-        **describe_machine(),
+        "commits": [state for index, state in enumerate(states) if state not in states[:index]],
+        **made[-1],
     }

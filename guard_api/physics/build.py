@@ -9,8 +9,12 @@ from guard_api.physics.backend import Backend, World
 from guard_api.physics.shard import ShardedWorld
 from guard_api.scene.spec import SceneSpec
 
-WORLDS_PER_WORKER = 4
-"""Fewest worlds per worker chosen automatically: with fewer, starting and waking workers costs more than it saves."""
+WORLDS_PER_WORKER = 8
+"""Fewest worlds per worker chosen automatically.
+
+With up to about 8 worlds a step is mostly NumPy's overhead per call, which every worker pays in full: 8 Point worlds
+were slower on two workers than on one, in Bullet and in SAPIEN.
+"""
 
 
 def build_world(backend: Backend, scene: SceneSpec, num_worlds: int, workers: int | None = None) -> World:
@@ -31,6 +35,10 @@ def build_world(backend: Backend, scene: SceneSpec, num_worlds: int, workers: in
 
 def default_workers(num_worlds: int) -> int:
     """Return one worker per core that this process may use, but none with less than `WORLDS_PER_WORKER` worlds."""
+    return max(1, min(usable_cores(), num_worlds // WORLDS_PER_WORKER))
+
+
+def usable_cores() -> int:
+    """Return how many cores this process may use, which can be fewer than the machine has."""
     affinity = getattr(os, "sched_getaffinity", None)  # Linux only
-    cores = len(affinity(0)) if affinity else os.cpu_count() or 1
-    return max(1, min(cores, num_worlds // WORLDS_PER_WORKER))
+    return len(affinity(0)) if affinity else os.cpu_count() or 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
 import os
@@ -10,7 +11,6 @@ import re
 import shlex
 import subprocess
 import sys
-from collections.abc import Callable
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
@@ -19,8 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import guard_api
-from guard_api import plugins
-from guard_api.errors import GuardError
+from guard_api.model.library import robot_files
 from guard_api.physics.backend import Backend
 
 if TYPE_CHECKING:
@@ -58,29 +57,18 @@ def describe_machine() -> dict[str, Any]:
 
 
 def package_versions() -> dict[str, str]:
-    """Return the versions of GUARD, Python, NumPy and, if it has been imported, PyTorch."""
+    """Return the versions of GUARD, Python, NumPy and, where it is installed, PyTorch."""
     versions = {"guard": guard_api.__version__, "python": platform.python_version(), "numpy": np.__version__}
-    if "torch" in sys.modules:
+    with contextlib.suppress(metadata.PackageNotFoundError):
         versions["torch"] = metadata.version("torch")
     return versions
 
 
 def asset_hashes(robot: str) -> dict[str, str]:
-    """Return file -> SHA-256 for the files of `robot`, over all installed folders of robots."""
-    hashes: dict[str, str] = {}
-    for provider in plugins.names("guard.robots"):
-        try:
-            root_of: Callable[[], Path] = plugins.load("guard.robots", provider)
-            root = Path(root_of())
-        except GuardError:  # a robot package that does not import cannot have given this run its robot
-            continue
-        for file in sorted(root.rglob("*")):
-            folders = {part.lower() for part in file.relative_to(root).parts[:-1]}
-            if file.is_file() and robot.lower() in folders:
-                hashes[f"{provider}/{file.relative_to(root).as_posix()}"] = hashlib.sha256(
-                    file.read_bytes()
-                ).hexdigest()
-    return hashes
+    """Return file, relative to the robot's folder -> SHA-256. Raises SpecError for an unknown robot."""
+    files = robot_files(robot)
+    folder = os.path.commonpath([file.parent for file in files])
+    return {file.relative_to(folder).as_posix(): hashlib.sha256(file.read_bytes()).hexdigest() for file in files}
 
 
 @functools.cache  # the code that runs is the one that was imported

@@ -96,7 +96,6 @@ def test_an_epoch_is_whole_episodes_of_every_world(tmp_path: Path) -> None:
     script = Script(
         np.zeros((T, N)), np.zeros((T, N, 1)), np.zeros((T, N)), np.eye(T)[:, [-1] * N], np.zeros((T, N)), ("a",)
     )
-    assert trpo.algorithm.train is not None
     train(trpo.algorithm, script, tmp_path, OnPolicyConfig(steps_per_epoch=10, hidden=(4,)), 31)
     assert script.starts == [0, 1, 2]  # 15 steps an epoch, rounded up from 10; 31 steps are three epochs
     assert [row["total_steps"] for row in logged(tmp_path)] == [15, 30, 45]

@@ -17,7 +17,7 @@ from guard_api.spec import EnvSpec
 from guard_api.tasks import TASKS
 from tests.measure.toy_environment import GAINS, Push, ToyEnvironment
 
-SPEC = EnvSpec(name="Goal_Toy_0Hazards", robot="toy", task=TASKS["Goal"](), constraints=(), episode_length=20)
+SPEC = EnvSpec(name="Goal_Toy_0Hazards", robot="point", task=TASKS["Goal"](), constraints=(), episode_length=20)
 EPOCHS = 4
 
 

@@ -83,6 +83,14 @@ def test_a_ratio_over_what_may_be_zero_is_undefined():
         ratio = Bootstrap(seeds, 20).ratio(np.ones((seeds, 20)), rng.normal(-0.5, 1.0, (seeds, 20)))
         assert ratio.value is None
         assert "undefined" in ratio.reason
+        assert len(ratio.per_seed) == seeds
+
+
+def test_a_seed_whose_own_ratio_is_undefined_keeps_its_place():
+    below = np.array([[4.0, 4.0], [-0.1, 0.0], [2.0, 2.0]])
+    for seeds in (2, 3):
+        ratio = Bootstrap(seeds, 2).ratio(np.ones((seeds, 2)), below[:seeds])
+        assert ratio.per_seed == (0.25, None, 0.5)[:seeds]
 
 
 @pytest.mark.parametrize("seeds", [1, 2])

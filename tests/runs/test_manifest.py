@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import json
 from datetime import datetime
+from importlib import metadata
 
+import pytest
+
+from guard_api.errors import PluginError
 from guard_api.physics.backend import Capabilities
-from guard_api.runs.manifest import asset_hashes, build_manifest, git_state
+from guard_api.runs.manifest import asset_hashes, build_manifest, git_state, package_versions
 from guard_api.spec import EnvSpec
 from guard_api.tasks import TASKS
 
@@ -39,11 +43,36 @@ def test_git_state_outside_a_checkout_is_none(tmp_path):
     assert git_state(tmp_path) is None
 
 
-def test_assets_of_other_robots_are_not_listed(tmp_path, monkeypatch):
-    for robot in ("point", "ant"):
-        (tmp_path / "urdf" / robot).mkdir(parents=True)
-        (tmp_path / "urdf" / robot / f"{robot}.urdf").write_text(robot)
-    monkeypatch.setattr("guard_api.plugins.names", lambda group: ["shipped"])
+def test_assets_are_the_files_of_the_robots_own_folder(tmp_path, monkeypatch):
+    for robot in ("rover", "beetle"):
+        (tmp_path / "urdf" / robot / "meshes").mkdir(parents=True)
+        for file in (f"{robot}.urdf", "meshes/wheel.obj"):
+            (tmp_path / "urdf" / robot / file).write_text(robot)
+    monkeypatch.setattr("guard_api.plugins.names", lambda group: ["mine"])
     monkeypatch.setattr("guard_api.plugins.load", lambda group, name: lambda: tmp_path)
-    hashes = asset_hashes("Point")
-    assert list(hashes) == ["shipped/urdf/point/point.urdf"]
+    before = asset_hashes("rover")
+    assert list(before) == ["meshes/wheel.obj", "rover.urdf"]
+    (tmp_path / "urdf/rover/meshes/wheel.obj").write_text("edited")
+    changed = {file for file, digest in asset_hashes("rover").items() if digest != before[file]}
+    assert changed == {"meshes/wheel.obj"}
+
+
+def test_a_robot_package_that_does_not_import_is_said(monkeypatch):
+    def broken(group, name):
+        raise PluginError("mine cannot be imported")
+
+    monkeypatch.setattr("guard_api.plugins.names", lambda group: ["mine"])
+    monkeypatch.setattr("guard_api.plugins.load", broken)
+    with pytest.raises(PluginError, match="mine"):
+        asset_hashes("point")
+
+
+def test_pytorch_is_named_where_it_is_installed(monkeypatch):
+    monkeypatch.setattr(metadata, "version", lambda name: "9.9" if name == "torch" else pytest.fail(name))
+    assert package_versions()["torch"] == "9.9"
+
+    def missing(name):
+        raise metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr(metadata, "version", missing)
+    assert "torch" not in package_versions()
