@@ -113,19 +113,11 @@ class Environment:
         action = np.asarray(action, dtype=np.float64)
         if action.shape != (self.num_worlds, self.action_size):
             raise SpecError(f"action has shape {action.shape}: expected {(self.num_worlds, self.action_size)}")
-        previous = self._now
-        self.world.step(action, self.substeps)
-        state, failed = _survivors(self.world.state(), previous.state)
-        self._now = self._snapshot(state)
-        self._steps += 1
-
-        t = Transition(previous=previous, now=self._now, action=action, duration=self.duration)
-        reward = self.spec.task.reward(t)
-        costs = self._costs(t)
-        success = self.spec.task.reached(t)
-        failures = dict.fromkeys(np.flatnonzero(failed).tolist(), "the physics diverged (non-finite state)")
+        t, failures = self._advance(action)
+        reward, costs, success = self.spec.task.reward(t), self._costs(t), self.spec.task.reached(t)
         if failures:
-            reward[failed], costs[failed], success = FAILURE_REWARD, FAILURE_COST, success & ~failed
+            failed = list(failures)
+            reward[failed], costs[failed], success[failed] = FAILURE_REWARD, FAILURE_COST, False
         if success.any():
             t = self._respawn(t, success, failures)
         terminated = np.zeros(self.num_worlds, dtype=bool)
@@ -153,6 +145,16 @@ class Environment:
     def close(self) -> None:
         """Release the world."""
         self.world.close()
+
+    def _advance(self, action: Array) -> tuple[Transition, dict[int, str]]:
+        """Let the physics run for one step; return the transition, and why worlds failed in it."""
+        previous = self._now
+        self.world.step(action, self.substeps)
+        state, failed = _survivors(self.world.state(), previous.state)
+        self._now = self._snapshot(state)
+        self._steps += 1
+        failures = dict.fromkeys(np.flatnonzero(failed).tolist(), "the physics diverged (non-finite state)")
+        return Transition(previous=previous, now=self._now, action=action, duration=self.duration), failures
 
     def _begin(self, mask: Mask) -> Snapshot:
         """Start the next episode of the masked worlds and return the snapshot of all."""
