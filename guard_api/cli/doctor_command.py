@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import platform
 import shutil
 import sys
@@ -17,6 +16,7 @@ from guard_api import __version__, plugins
 from guard_api.cli.options import parse
 from guard_api.cli.output import print_json, print_table
 from guard_api.env import make_environment
+from guard_api.physics.build import usable_cores
 
 PROBE: Final = "Goal_Point_8Hazards"
 """The environment that is stepped once on every backend."""
@@ -46,11 +46,10 @@ def _row(what: str, state: str, note: str) -> dict[str, Any]:
 
 
 def _machine() -> list[dict[str, Any]]:
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     free = shutil.disk_usage(".").free / 1e9
     return [
         _row("python", "ok", f"{platform.python_version()} at {sys.executable}"),
-        _row("machine", "ok", f"{platform.system()} {platform.machine()}, {cores} usable cores"),
+        _row("machine", "ok", f"{platform.system()} {platform.machine()}, {usable_cores()} usable cores"),
         _row("disk", "ok" if free > 1 else "low", f"{free:.0f} GB free here"),
     ]
 
