@@ -226,3 +226,37 @@ def test_no_room_on_the_disk_is_one_clear_line(tmp_path: Path) -> None:
     assert str(tmp_path) in result.stderr
     assert "Traceback" not in result.stderr
     assert not list((tmp_path / "run" / "checkpoints").glob("0*"))
+
+
+def children(pid: int) -> list[int]:
+    """Processes whose parent is `pid`."""
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            fields = stat.read_text().rpartition(")")[2].split()
+        except OSError:  # it ended while we looked
+            continue
+        if int(fields[1]) == pid:
+            found.append(int(stat.parent.name))
+    return found
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
+def test_a_killed_worker_is_one_clear_line_and_the_run_goes_on(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("pybullet")
+    out = tmp_path / "run"
+    arguments = ["train", "--env", ENV, "--backend", "bullet", "--num-worlds", "4", "--workers", "2", "--out", str(out),
+                 "--steps-per-epoch", "4000", "--value-iterations", "2", "--checkpoint-every", "1"]  # fmt: skip
+    process = start([*arguments, "--total-steps", "10_000_000"])
+    wait_for_rows(out, process, 1)
+    os.kill(children(process.pid)[0], signal.SIGKILL)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 2
+    assert "worker" in err
+    assert "Traceback" not in err
+    saved = len(list((out / "checkpoints").iterdir()))
+    assert saved >= 1
+    code, _, err = guard([*arguments, "--total-steps", "4000", "--resume", "--json"], capsys)
+    assert code == 0, err
