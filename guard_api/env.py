@@ -121,8 +121,9 @@ class Environment:
         if success.any():
             t = self._respawn(t, success, failures)
         terminated = np.zeros(self.num_worlds, dtype=bool)
-        terminated[list(failures)] = True
-        truncated = (self._steps >= self.episode_length) & ~terminated
+        truncated = self._steps >= self.episode_length
+        if failures:
+            terminated[list(failures)], truncated[list(failures)] = True, False
 
         final = observation = self._observe(t)
         ended = terminated | truncated
@@ -153,7 +154,7 @@ class Environment:
         state, failed = _survivors(self.world.state(), previous.state)
         self._now = self._snapshot(state)
         self._steps += 1
-        failures = dict.fromkeys(np.flatnonzero(failed).tolist(), "the physics diverged (non-finite state)")
+        failures = dict.fromkeys(failed, "the physics diverged (non-finite state)")
         return Transition(previous=previous, now=self._now, action=action, duration=self.duration), failures
 
     def _begin(self, mask: Mask) -> Snapshot:
@@ -241,14 +242,14 @@ def _checked(seed: int) -> int:
     return seed
 
 
-def _survivors(state: State, previous: State) -> tuple[State, Mask]:
-    """Return the state with the rows of diverged worlds put back to `previous`, and which worlds diverged (N,).
+def _survivors(state: State, previous: State) -> tuple[State, list[int]]:
+    """Return the state with the rows of diverged worlds put back to `previous`, and which worlds diverged.
 
     So everything downstream sees finite numbers; the diverged worlds' episodes end in this step.
     """
-    failed = ~state.ok
-    if not failed.any():
-        return state, failed
+    if state.ok.all():
+        return state, []
+    failed = np.flatnonzero(~state.ok).tolist()
     mended = {}
     for name in State.__dataclass_fields__:
         values = getattr(state, name).copy()

@@ -44,9 +44,9 @@ class Hazards:
 
     def cost(self, t: Transition) -> Array:
         """Return the summed depth inside the hazards: (N,) [m]."""
-        gap = t.now.bodies[self.name][..., :2] - t.now.position[:, None, :2]
-        distance = np.sqrt(gap[..., 0] ** 2 + gap[..., 1] ** 2)
-        return self.weight * np.maximum(self.size - distance, 0.0).sum(axis=1)
+        places, robot = t.now.bodies[self.name], t.now.position
+        x, y = places[..., 0] - robot[:, :1], places[..., 1] - robot[:, 1:2]
+        return self.weight * np.maximum(self.size - np.sqrt(x * x + y * y), 0.0).sum(axis=1)
 
     def indicator(self, t: Transition) -> NDArray[np.bool_]:
         """Return whether the root is inside any hazard: (N,)."""

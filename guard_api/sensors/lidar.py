@@ -36,7 +36,7 @@ def pseudo_lidar(snapshot: Snapshot, objects: Array, bins: int, gain: float) -> 
     values = np.empty((3, num_worlds, num_objects))
     values[0], values[1], values[2] = 1.0, share, 1.0 - share  # in its own sector, the next, the one before
     values *= nearness
-    sectors = (sector.astype(np.intp) + _NEIGHBOURS) % bins
+    sectors = np.arange(bins).take(sector.astype(np.intp) + _NEIGHBOURS, mode="wrap")  # a modulo, but faster
     first = np.arange(num_worlds)[:, None] * bins
     np.maximum.at(readings.reshape(-1), (first + sectors).reshape(-1), values.reshape(-1))
     return readings

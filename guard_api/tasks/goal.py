@@ -43,12 +43,12 @@ class Goal:
 
     def reward(self, t: Transition) -> Array:
         """Return the distance gained and the bonus: (N,)."""
-        now = _distance(t.now)
-        return _distance_to(t.previous.position, t.now) - now + self.bonus * (now <= self.size)
+        before, now = _distance(t.previous.position, t.now), _distance(t.now.position, t.now)
+        return before - now + self.bonus * (now <= self.size)
 
     def reached(self, t: Transition) -> NDArray[np.bool_]:
         """Return which worlds stand in the goal: (N,)."""
-        return _distance(t.now) <= self.size
+        return _distance(t.now.position, t.now) <= self.size
 
     def respawn(self) -> str:
         """Return the goal's own group: a reached goal moves on."""
@@ -59,11 +59,8 @@ class Goal:
         return {"goal_compass": compass(t.now, t.now.bodies["goal"][:, 0], self.compass_axes)}
 
 
-def _distance(snapshot: Snapshot) -> Array:
-    return _distance_to(snapshot.position, snapshot)
-
-
-def _distance_to(position: Array, snapshot: Snapshot) -> Array:
+def _distance(position: Array, snapshot: Snapshot) -> Array:
     """Return the distance in the plane from `position` (N, 3) to the snapshot's goal: (N,) [m]."""
-    gap = position[:, :2] - snapshot.bodies["goal"][:, 0, :2]
-    return np.sqrt(gap[:, 0] ** 2 + gap[:, 1] ** 2)
+    goal = snapshot.bodies["goal"]
+    x, y = position[:, 0] - goal[:, 0, 0], position[:, 1] - goal[:, 0, 1]
+    return np.sqrt(x * x + y * y)

@@ -37,17 +37,23 @@ class LinksOnRails:
         poses = kinematics.poses(np.zeros((len(unit), 3)), upright, unit)
         self._rows = rows_of(self.links)
         self._rest, self._quaternion = poses.position[0], poses.quaternion[0]
-        self._directions = poses.position[1:] - self._rest
+        self._slides = self._along_axes(poses.position[1:] - self._rest)
+
+    def _along_axes(self, directions: Array) -> list[tuple[int, int, int, float]]:
+        """Return (joint, link, axis, factor) of every number of `directions` (joints, links, 3) that is not zero."""
+        return [
+            (joint, self.links[link], int(axis), float(direction[link, axis]))
+            for joint, direction in zip(self._joints, directions, strict=True)
+            for link, axis in zip(*np.nonzero(direction), strict=True)
+        ]
 
     def fill(self, frames: Frames, q: Array, qd: Array) -> None:
         """Write these links into `frames` (N, L, ...), which is zero there, from the joints' state (N, J)."""
-        position, linear = self._rest, 0.0
-        for joint, direction in zip(self._joints, self._directions, strict=True):
-            position = position + q[:, joint, None, None] * direction
-            linear = linear + qd[:, joint, None, None] * direction
-        frames.position[:, self._rows] = position
+        frames.position[:, self._rows] = self._rest
         frames.quaternion[:, self._rows] = self._quaternion
-        frames.linear[:, self._rows] = linear
+        for joint, link, axis, factor in self._slides:
+            frames.position[:, link, axis] += factor * q[:, joint]
+            frames.linear[:, link, axis] += factor * qd[:, joint]
 
 
 class ChainedLinks:
