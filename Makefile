@@ -25,7 +25,7 @@ $(STAMP): pyproject.toml constraints.txt
 
 demo: $(STAMP) ## Train in MuJoCo, measure in MuJoCo, PyBullet and SAPIEN; writes demo/report.html
 	@$(BIN)/guard transfer --env Goal_Point_8Hazards --algo cpo --cost-limit 2 --train-on mujoco \
-		--backends mujoco bullet sapien --seeds 0 1 2 --total-steps 450000 --episodes 25 --out $(DEMO)
+		--backends mujoco bullet sapien --seeds 0 1 2 --total-steps 300000 --episodes 25 --out $(DEMO)
 
 test: $(STAMP) ## Run the fast tests on every installed backend
 	@$(BIN)/python -m pytest -n 2 tests
