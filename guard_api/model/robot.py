@@ -16,7 +16,10 @@ from guard_api.shapes import Matrix3, Pose, Shape, Vector3
 BaseKind: TypeAlias = Literal["fixed", "planar", "floating"]
 JointKind: TypeAlias = Literal["revolute", "continuous", "prismatic"]
 ActuatorLaw: TypeAlias = Literal["effort", "position", "velocity", "thrust"]
-SensorKind: TypeAlias = Literal["accelerometer", "velocimeter", "gyro", "magnetometer"]
+SensorKind: TypeAlias = Literal[
+    "accelerometer", "velocimeter", "gyro", "magnetometer", "touch",
+    "joint_position", "joint_velocity", "relative_rotation", "relative_angular_velocity",
+]  # fmt: skip
 
 PLANAR_JOINTS = ("base_x", "base_y", "base_yaw")
 """Names of the three joints of a planar base, in order."""
@@ -69,6 +72,7 @@ class Joint:
     limits: (lower, upper) position, or None for unlimited.
     damping: viscous [N m s/rad] or [N s/m], integrated implicitly (see `guard_api.physics.actuation`).
     friction_loss: dry friction [N m] or [N]. armature: rotor inertia felt by the joint alone [kg m^2] or [kg].
+    stiffness: of a passive spring [N m/rad] or [N/m] that rests at `rest_position` [rad] or [m].
     effort_limit: bound on the sum of the actuator efforts on this joint; velocity_limit: informative only.
     """
 
@@ -82,6 +86,8 @@ class Joint:
     damping: float = 0.0
     friction_loss: float = 0.0
     armature: float = 0.0
+    stiffness: float = 0.0
+    rest_position: float = 0.0
     effort_limit: float = float("inf")
     velocity_limit: float = float("inf")
 
@@ -94,7 +100,8 @@ class Actuator:
     the unit `direction` (3,), both in link axes, turning with the link.
     gear: effort [N m or N], target [rad, m, rad/s, m/s] or force [N] per unit of control.
     ctrl_range: the control is clipped to it first. effort_limit: bound on the resulting effort or force.
-    kp [N m/rad or N/m] and kd [N m s/rad or N s/m]: servo gains. offset: target at control 0.
+    kp [N m/rad or N/m] and kd [N m s/rad or N s/m]: servo gains. offset: target, or thrust [N], at control 0.
+    ceiling: height [m] of the link's origin above which a thrust loses its offset (GUARD's drone hovers below 3 m).
     """
 
     name: str
@@ -109,16 +116,42 @@ class Actuator:
     kp: float = 0.0
     kd: float = 0.0
     effort_limit: float = float("inf")
+    ceiling: float = float("inf")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Frame:
+    """A named place on the robot: `pose` in the axes of `link`; what a merged link leaves behind."""
+
+    name: str
+    link: str
+    pose: Pose = Pose()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Segment:
+    """The straight piece of robot between two frames, `radius` [m] thick: what 3-D distances are measured from."""
+
+    start: Frame
+    end: Frame
+    radius: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sensor:
-    """A reading in the observation: `kind` of quantity, at `pose` in the axes of `link`."""
+    """A reading in the observation: `kind` of quantity, of a place on `link` or of `joint`.
+
+    accelerometer, velocimeter, gyro, magnetometer: at `pose` in the axes of `link`. touch: the force within `radius`
+    [m] of `pose` (see `State.touch`). joint_position, joint_velocity: of `joint`. relative_rotation,
+    relative_angular_velocity: of `link` in the axes of the link before it, past virtual links (a ball joint's reading).
+    """
 
     name: str
     kind: SensorKind
-    link: str
+    link: str | None = None
+    joint: str | None = None
     pose: Pose = Pose()
+    radius: float = float("inf")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -133,7 +166,10 @@ class Home:
 class RobotModel:
     """A robot, complete: see the module docstring for the tree's invariants.
 
-    root: the link whose frame is "where the robot is" for tasks, lidar and placement.
+    root: the link whose frame is placed and starts at `home.height`.
+    reference: the frame that is "where the robot is" for tasks and 2-D costs; None stands for the root link's.
+    lidar: frames that carry a lidar and a compass each; empty stands for the reference alone.
+    segments: what 3-D distances are measured from; empty stands for the reference as a point.
     touch_links: links whose contact force is measured, in the order of `State.touch`.
     keepout: radius kept free around the robot when a layout is sampled [m].
     timestep: physics step [s], the same in every engine. substeps: physics steps per environment step.
@@ -147,6 +183,9 @@ class RobotModel:
     links: tuple[Link, ...]
     joints: tuple[Joint, ...]
     actuators: tuple[Actuator, ...]
+    reference: Frame | None = None
+    lidar: tuple[Frame, ...] = ()
+    segments: tuple[Segment, ...] = ()
     sensors: tuple[Sensor, ...] = ()
     touch_links: tuple[str, ...] = ()
     home: Home = field(default_factory=Home)

@@ -9,7 +9,6 @@ Every key, with its default or an example:
     collide_ground = true      # false by default for a planar base, whose height is fixed
     density = 1000.0           # [kg/m^3] for links without <inertial>; no default: nothing is invented
     touch = ["foot"]           # links whose contact force is measured, in the order of `State.touch`
-
     [base]
     kind = "fixed"             # "fixed", "planar" (x, y and heading) or "floating"
     damping = [0, 0, 0]        # planar only: of base_x, base_y [N s/m] and base_yaw [N m s/rad]

@@ -29,7 +29,7 @@ class InertialSensors:
         self._root = robot.link_index(robot.root)
         self._on_link: dict[int, list[Sensor]] = {}
         for sensor in robot.sensors:
-            self._on_link.setdefault(robot.link_index(sensor.link), []).append(sensor)
+            self._on_link.setdefault(robot.link_index(str(sensor.link)), []).append(sensor)
 
     def read(self, t: Transition) -> dict[str, Array]:
         """Return every sensor's reading by name, each (N, 3) in the axes of its site.
