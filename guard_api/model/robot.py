@@ -207,6 +207,11 @@ class RobotModel:
         return tuple(joint.name for joint in self.joints)
 
     @property
+    def touch_sensors(self) -> tuple[Sensor, ...]:
+        """Sensors of kind "touch", in the order of the columns of `State.touch`."""
+        return tuple(sensor for sensor in self.sensors if sensor.kind == "touch")
+
+    @property
     def floating(self) -> bool:
         """Whether the first link moves freely; otherwise it is welded to the world where the episode starts."""
         return self.base == "floating"
