@@ -45,6 +45,16 @@ def with_joints(**values):
     return FaultyBackend(scene=change)
 
 
+def with_actuators(**values):
+    """A backend that builds every actuator with other values than the model's."""
+
+    def change(scene):
+        actuators = tuple(replace(actuator, **values) for actuator in scene.robot.actuators)
+        return replace(scene, robot=replace(scene.robot, actuators=actuators))
+
+    return FaultyBackend(scene=change)
+
+
 def with_links(change):
     """A backend that builds changed links."""
 
@@ -85,6 +95,39 @@ class HeldEffort(IdealWorld):
         self._law.joint_effort = lambda geared, q, qd: effort
         super().step(control, substeps)
         self._law.joint_effort = law
+
+
+class ClippedSprings(IdealWorld):
+    """Counts springs among the efforts that a joint's limit clips."""
+
+    def __init__(self, scene, num_worlds):
+        super().__init__(scene, num_worlds)
+        limit, spring = self._law.joint_limit, self._law.spring_effort
+        self._law.spring_effort = lambda q: np.clip(spring(q), -limit, limit)
+
+
+class SpringsAmongEfforts(IdealWorld):
+    """Reports springs as the actuators' effort."""
+
+    def state(self):
+        true = super().state()
+        return replace(true, joint_effort=true.joint_effort + self._law.spring_effort(true.joint_position))
+
+
+class EarlyCeiling(IdealWorld):
+    """Looks at the ceiling at every substep."""
+
+    def step(self, control, substeps):
+        for _ in range(substeps):
+            super().step(control, 1)
+
+
+class CeilingForTheCom(IdealWorld):
+    """Looks at the height of the thrust link's centre of mass."""
+
+    def _thrust_heights(self):
+        state, links = self.state(), self._law.thrust_link
+        return at_com(state, self.scene.robot)["link_position"][:, links, 2]
 
 
 class ShortStep(IdealWorld):

@@ -11,9 +11,12 @@ from guard_api import plugins, rotations
 from guard_api.errors import PluginError
 from guard_api.testing.conformance import find, run_check
 from tests.faulty_backends import (
+    CeilingForTheCom,
+    ClippedSprings,
     Coupled,
     Credulous,
     Disturbed,
+    EarlyCeiling,
     FaultyBackend,
     Forgetful,
     HeldEffort,
@@ -24,10 +27,12 @@ from tests.faulty_backends import (
     RoundedClock,
     ShortStep,
     SilentReset,
+    SpringsAmongEfforts,
     Stale,
     WholeReset,
     at_com,
     faulty_state,
+    with_actuators,
     with_joints,
     with_links,
 )
@@ -83,6 +88,16 @@ FAULTS = {
     "extra damping": (with_joints(damping=0.04), ["effort_law", "acceleration", "no_speed_limits", "pendulum_swing"]),
     "damping dropped": (with_joints(damping=0.0), ["damping_is_implicit", "chain_trajectory"]),
     "armature dropped": (with_joints(armature=0.0), ["armature_adds_inertia", "mass_matrix", "floating_mass_matrix"]),
+    "springs dropped": (with_joints(stiffness=0.0), ["spring_law", "springs_swing_and_rest", "acceleration"]),
+    "springs that rest at zero": (
+        with_joints(rest_position=0.0), ["spring_law", "springs_swing_and_rest", "acceleration"],
+    ),
+    "springs clipped by the effort limit": (FaultyBackend(ClippedSprings), ["spring_law"]),
+    "springs reported as efforts": (FaultyBackend(SpringsAmongEfforts), ["spring_law"]),
+    "thrust offsets dropped": (with_actuators(offset=0.0), ["thrust_offset", "thrust_ceiling", "position_law"]),
+    "ceilings dropped": (with_actuators(ceiling=np.inf), ["thrust_ceiling"]),
+    "a ceiling seen within the step": (FaultyBackend(EarlyCeiling), ["thrust_ceiling"]),
+    "a ceiling for the com": (FaultyBackend(CeilingForTheCom), ["thrust_ceiling"]),
     "limits dropped": (with_joints(limits=None), ["joint_stops"]),
     "effort limits dropped": (with_joints(effort_limit=np.inf), ["efforts_are_limited"]),
     "joint axes negated": (

@@ -6,15 +6,19 @@ Evaluated at every substep from the joint state at its beginning:
     effort = clip(gear u, +-effort_limit)                                        law "effort"
            = clip(kp (gear u + offset - q) - kd qd, +-effort_limit)              law "position"
            = clip(kd (gear u + offset - qd), +-effort_limit)                     law "velocity"
-    force  = clip(gear u, +-effort_limit) along `direction` at `point`           law "thrust"
+    force  = clip(gear u + offset, +-effort_limit) along `direction` at `point`  law "thrust"
 
-The actuator efforts on one joint are added and clipped to the joint's own effort limit. The passive part is implicit:
-with D the joint dampings, A the armatures, h the timestep,
+The actuator efforts on one joint are added and clipped to the joint's own effort limit. Thrusts alone are constant over
+the substeps of a step: `offset` is 0 throughout a step at whose beginning the link's origin is above `ceiling`.
 
-    (M + A + h D) qdd = effort - D qd - bias
+The passive part is no actuator's effort and no limit clips it. With D the joint dampings, K the stiffnesses, A the
+armatures, h the timestep,
 
-which is MuJoCo's semi-implicit Euler rule; an engine without it gets the same numbers by an extra armature h D and an
-explicit torque -D qd. Dry friction is the engine's own Coulomb constraint.
+    (M + A + h D) qdd = effort - D qd - K (q - rest) - bias
+
+which is MuJoCo's semi-implicit Euler rule: damping implicit, springs explicit. An engine without it gets the same
+numbers by an extra armature h D and an explicit torque -D qd - K (q - rest). An undamped spring is stable while
+h sqrt(K / inertia) < 2. Dry friction is the engine's own Coulomb constraint.
 """
 
 from __future__ import annotations
@@ -49,6 +53,10 @@ class ActuationLaw:
         self._kp = np.array([a.kp if a.law == "position" else 0.0 for a in servos])
         self._kd = np.array([a.kd if a.law in {"position", "velocity"} else 0.0 for a in servos])
         self.joint_limit = np.array([joint.effort_limit for joint in robot.joints])
+        self._stiffness = np.array([joint.stiffness for joint in robot.joints])
+        self._rest = np.array([joint.rest_position for joint in robot.joints])
+        self._hover = np.array([robot.actuators[i].offset for i in self.on_link])
+        self._ceiling = np.array([robot.actuators[i].ceiling for i in self.on_link])
         self._incidence = np.zeros((len(servos), len(robot.joints)))
         self._incidence[np.arange(len(servos)), self.joint] = 1.0
 
@@ -56,6 +64,16 @@ class ActuationLaw:
     def num_controls(self) -> int:
         """Number of controls U."""
         return len(self.actuators)
+
+    @property
+    def has_springs(self) -> bool:
+        """Whether `spring_effort` can be anything but zero."""
+        return bool(self._stiffness.any())
+
+    @property
+    def has_ceilings(self) -> bool:
+        """Whether thrusts must be told heights."""
+        return bool(np.isfinite(self._ceiling).any())
 
     def geared(self, control: NDArray[np.floating]) -> Array:
         """Return gear * clip(control, ctrl_range): (N, U); constant over the substeps of one step."""
@@ -71,11 +89,22 @@ class ActuationLaw:
         effort = np.clip(effort, -limit, limit)
         return np.clip(effort @ self._incidence, -self.joint_limit, self.joint_limit)
 
-    def thrust(self, geared: Array) -> Array:
-        """Return the force of every thrust actuator in link axes: (N, T, 3) [N]; constant over a step's substeps."""
+    def spring_effort(self, q: Array) -> Array:
+        """Return the passive effort of the springs at joint positions `q` (N, J): (N, J) [N m or N]."""
+        return self._stiffness * (self._rest - q)
+
+    def thrust_size(self, geared: Array, height: Array | None = None) -> Array:
+        """Return the force of every thrust actuator along its direction: (N, T) [N]; constant over a step's substeps.
+
+        height: (N, T) [m] of the thrust links' origins at the beginning of the step, needed where `has_ceilings`.
+        """
         limit = self.limit[self.on_link]
-        force = np.clip(geared[:, self.on_link], -limit, limit)
-        return force[:, :, None] * self.thrust_direction
+        offset = self._hover if height is None else np.where(height > self._ceiling, 0.0, self._hover)
+        return np.clip(geared[:, self.on_link] + offset, -limit, limit)
+
+    def thrust(self, geared: Array, height: Array | None = None) -> Array:
+        """Return `thrust_size` as vectors in link axes: (N, T, 3) [N]."""
+        return self.thrust_size(geared, height)[:, :, None] * self.thrust_direction
 
 
 def _target_gain(actuator: Actuator) -> float:

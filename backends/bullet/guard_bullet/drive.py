@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from guard_api import rotations
+from guard_api.model.kinematics import Kinematics
 from guard_api.model.robot import RobotModel
 from guard_api.physics.actuation import ActuationLaw
 from guard_api.scene.spec import SceneSpec
@@ -46,12 +47,13 @@ class RobotDrive:
         self._thrust_links = [int(index) + BASE for index in self.law.thrust_link]
         self._pulls = bool(self._thrust_links) and not self.passive.carries_thrust
         self._engine_thrust: list[list[list[float]]] = []
+        self._kinematics = Kinematics(robot) if self.law.has_ceilings else None
         self.command(np.zeros_like(self._geared))
 
     def command(self, control: NDArray[np.floating]) -> None:
         """Hold `control` (N, U) from now on."""
         self._geared = self.law.geared(control)
-        self._thrust = self.law.thrust(self._geared)
+        self._thrust = self.law.thrust(self._geared, self._thrust_heights())
         if self._pulls:
             self._engine_thrust = rotations.unrotate(self._thrust_axes, self._thrust).tolist()
 
@@ -64,6 +66,8 @@ class RobotDrive:
         motion = self.motion
         effort = self.law.joint_effort(self._geared, motion.q, motion.qd)
         self.effort[worlds] = effort[worlds]
+        if self.law.has_springs:
+            effort = effort + self.law.spring_effort(motion.q)
         torque, acceleration = self.passive.torque(instances, motion, effort, self._thrust)
         finite = np.logical_and.reduce(np.isfinite(torque), axis=1)
         worlds = worlds if finite.all() else [world for world in worlds if finite[world]]
@@ -118,6 +122,14 @@ class RobotDrive:
         self.motion.read_joints(worlds, instances)
         if self.passive.needs_base:
             self.motion.read_base(worlds, instances)
+
+    def _thrust_heights(self) -> Array | None:
+        """Return the present heights (N, T) of the thrust links' origins if the law asks for them."""
+        if self._kinematics is None:
+            return None
+        motion = self.motion
+        poses = self._kinematics.poses(motion.base_position, motion.base_quaternion, motion.q)
+        return poses.position[:, self.law.thrust_link, 2]
 
     def _pull(self, world: int, instance: Instance) -> None:
         """Let the thrusters of world number `world` pull in its engine instance, for one substep."""

@@ -128,6 +128,7 @@ def _add_chain(scene: SceneSpec, parent: mujoco.MjsBody, chain: Chain) -> mujoco
         # The last joint's axis is the link's own: turning it there and back would only cost its last bits.
         mj.axis = list(joint.axis) if joint is chain.joints[-1] else rotations.unrotate(tip.quaternion, axis)
         mj.damping = [joint.damping, 0.0, 0.0]
+        mj.stiffness, mj.springref = [joint.stiffness, 0.0, 0.0], joint.rest_position
         mj.frictionloss, mj.armature = joint.friction_loss, joint.armature
         mj.limited = joint.limits is not None
         if joint.limits is not None:
@@ -137,7 +138,10 @@ def _add_chain(scene: SceneSpec, parent: mujoco.MjsBody, chain: Chain) -> mujoco
 
 
 def _add_actuator(spec: mujoco.MjSpec, robot: RobotModel, index: int, actuator: Actuator) -> None:
-    """Add one actuator: force = gain clip(control) + bias, clipped; the four laws differ in gain and bias only."""
+    """Add one actuator: force = gain clip(control) + bias, clipped; the four laws differ in gain and bias only.
+
+    A thrust with a ceiling takes gear, range and offset from `guard_mujoco.ceilings`: its control is a force.
+    """
     mj = spec.add_actuator(name=f"actuator/{index}")
     limit = actuator.effort_limit
     if actuator.law == "thrust":
@@ -150,14 +154,17 @@ def _add_actuator(spec: mujoco.MjSpec, robot: RobotModel, index: int, actuator: 
     kp, kd = actuator.kp, actuator.kd
     gain, bias = {
         "effort": (1.0, (0.0, 0.0, 0.0)),
-        "thrust": (1.0, (0.0, 0.0, 0.0)),
+        "thrust": (1.0, (actuator.offset, 0.0, 0.0)),
         "position": (kp, (kp * actuator.offset, -kp, -kd)),
         "velocity": (kd, (kd * actuator.offset, 0.0, -kd)),
     }[actuator.law]
-    mj.gainprm[0] = gain * actuator.gear
-    mj.biasprm[:3] = bias
-    mj.ctrllimited = any(np.isfinite(actuator.ctrl_range))
-    mj.ctrlrange = np.clip(actuator.ctrl_range, -UNLIMITED, UNLIMITED)
+    if np.isfinite(actuator.ceiling):
+        mj.gainprm[0] = 1.0
+    else:
+        mj.gainprm[0] = gain * actuator.gear
+        mj.biasprm[:3] = bias
+        mj.ctrllimited = any(np.isfinite(actuator.ctrl_range))
+        mj.ctrlrange = np.clip(actuator.ctrl_range, -UNLIMITED, UNLIMITED)
     mj.forcelimited = bool(np.isfinite(limit))
     if mj.forcelimited:
         mj.forcerange = [-limit, limit]

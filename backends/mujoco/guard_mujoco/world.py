@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from guard_api.errors import BackendError
 from guard_api.model.kinematics import Rows, rows_of
 from guard_api.physics.state import Array, Inspection, Mask, Start, State
+from guard_mujoco.ceilings import Ceilings
 from guard_mujoco.compile import CompiledScene
 from guard_mujoco.diagnostics import redirect_warnings
 from guard_mujoco.driven import DrivenBodies
@@ -49,6 +50,7 @@ class MuJoCoWorld:
         self._ctrl, self._time = self._batch.bind("ctrl"), self._batch.bind("time")
         self._readout = Readout(compiled, self._batch)
         self._efforts = EffortReadout(compiled, self._batch)
+        self._ceilings = Ceilings(compiled, self._batch)
         self._driven = DrivenBodies(compiled, self._batch)
         self._ok = np.ones(num_worlds, bool)
         self._everyone = np.arange(num_worlds)
@@ -89,7 +91,7 @@ class MuJoCoWorld:
             self._ok &= np.isfinite(control).all(axis=1)
         rows = ALL if self._ok.all() else np.flatnonzero(self._ok)
         before = self._batch.state.copy()
-        self._ctrl[rows] = control[rows]
+        self._ctrl[rows] = self._commands(control, rows)
         if self._driven.any:
             self._driven.launch(self._everyone[rows], substeps * self.scene.timestep)
         self._advance(rows, substeps)
@@ -101,9 +103,7 @@ class MuJoCoWorld:
 
     def state(self) -> State:
         """Return the present state; see `World.state`."""
-        if not self._current:
-            self._batch.forward(stage=_VEL)
-            self._current = True
+        self._update()
         q, qd = self._qpos[:, self._joint_qpos].copy(), self._qvel[:, self._joint_dof].copy()
         links, bodies = self._readout.read(q, qd)
         return State(
@@ -152,6 +152,19 @@ class MuJoCoWorld:
         if self._engine is None:
             raise BackendError("this world is closed: build another one")
         return self._engine
+
+    def _update(self) -> None:
+        """Make the engine's positions and velocities those of the state rows."""
+        if not self._current:
+            self._batch.forward(stage=_VEL)
+            self._current = True
+
+    def _commands(self, control: NDArray[np.floating], rows: Rows) -> NDArray[np.floating]:
+        """Return the worlds `rows` of `control` as MuJoCo's actuators take them."""
+        if not self._ceilings.any:
+            return control[rows]
+        self._update()
+        return self._ceilings.commands(np.asarray(control[rows], float), rows)
 
     def _advance(self, rows: Rows, substeps: int) -> None:
         """Step the worlds `rows` and bring positions and velocities up to date; note what their sensors felt."""

@@ -21,7 +21,7 @@ _POSE = 7
 
 
 class RobotControl:
-    """`ActuationLaw` over the articulations of all worlds, plus the explicit part -D qd of the joint dampings.
+    """`ActuationLaw` over the articulations of all worlds, springs and the explicit part -D qd of damping included.
 
     of_model (J,): PhysX's number of every model joint; PhysX numbers joints breadth-first.
     of_engine (J,): the model's number of every PhysX joint.
@@ -30,7 +30,7 @@ class RobotControl:
     def __init__(self, robot: RobotModel, copy: Copy) -> None:
         self.law = ActuationLaw(robot)
         self.damping = np.array([joint.damping for joint in robot.joints])
-        self.reads_position = any(actuator.law == "position" for actuator in robot.actuators)
+        self.reads_position = self.law.has_springs or any(a.law == "position" for a in robot.actuators)
         servos = any(a.law in {"position", "velocity"} and a.kd for a in robot.actuators)
         self.reads_velocity = bool(self.damping.any()) or servos
         self.of_model = _joint_order(robot, _robot_of(copy))
@@ -38,14 +38,19 @@ class RobotControl:
         self.thrust_links = np.unique(self.law.thrust_link)
         self._com = np.array([robot.links[i].com for i in self.law.thrust_link]).reshape(-1, 3)
 
-    def wrenches(self, geared: Array) -> Array:
+    def wrenches(self, geared: Array, copies: Sequence[Copy]) -> Array:
         """Return force [N] and torque about the com [N m] on every thrust link: (n, T, 2, 3), in link axes.
 
-        Constant over the substeps of one step.
+        Constant over the substeps of the step that `copies` are about to make.
         """
-        force = self.law.thrust(geared)
+        force = self.law.thrust(geared, self._heights(copies) if self.law.has_ceilings else None)
         wrench = np.stack([force, rotations.cross(self.law.thrust_point - self._com, force)], axis=2)
         return np.stack([wrench[:, self.law.thrust_link == link].sum(axis=1) for link in self.thrust_links], axis=1)
+
+    def _heights(self, copies: Sequence[Copy]) -> Array:
+        """Return the heights of the thrust links' origins: (n, T) [m]."""
+        links = [[_robot_of(copy).links[i] for i in self.law.thrust_link] for copy in copies]
+        return np.array([[link.entity_pose.p[2] for link in row] for row in links], float).reshape(len(copies), -1)
 
     def run(self, copies: Sequence[Copy], control: Array) -> Callable[[], Array]:
         """Return a function that sets the forces of one substep in `copies` under `control` (n, U).
@@ -56,7 +61,7 @@ class RobotControl:
         efforts = _JointEfforts(self, copies, geared)
         if not len(self.thrust_links):
             return efforts
-        thrusts = _Thrusts(self, copies, self.wrenches(geared))
+        thrusts = _Thrusts(self, copies, self.wrenches(geared, copies))
 
         def both() -> Array:
             thrusts()
@@ -81,8 +86,12 @@ class _JointEfforts:
             return self._zeros
         control = self._control
         qd = self._read(self._velocities)
-        effort = control.law.joint_effort(self._geared, self._read(self._positions), qd)
-        force = (effort - control.damping * qd).take(control.of_engine, axis=1).astype(np.float32)
+        q = self._read(self._positions)
+        effort = control.law.joint_effort(self._geared, q, qd)
+        force = effort - control.damping * qd
+        if control.law.has_springs:
+            force += control.law.spring_effort(q)
+        force = force.take(control.of_engine, axis=1).astype(np.float32)
         for set_force, row in zip(self._set_force, force, strict=True):
             set_force(row)
         return effort

@@ -11,11 +11,25 @@ from guard_api.testing.checks import (
     shapes,
     snapshot,
     stepping,
+    thrust,
     touch,
 )
 from guard_api.testing.checks.check import Check
 
-_MODULES = (frames, mechanics, shapes, stepping, actuation, touch, isolation, snapshot, motion, contact, pushing)
+_MODULES = (
+    frames,
+    mechanics,
+    shapes,
+    stepping,
+    actuation,
+    thrust,
+    touch,
+    isolation,
+    snapshot,
+    motion,
+    contact,
+    pushing,
+)
 
 ALL: tuple[Check, ...] = tuple(
     sorted(

@@ -29,8 +29,8 @@ BASES: tuple[BaseKind, ...] = ("floating", "fixed", "planar")
 
 
 def laden_tree(base: BaseKind) -> RobotModel:
-    """Return the branched robot with armature and damping on every joint."""
-    return tree(base, armature=0.02, damping=0.3)
+    """Return the branched robot with armature, damping and a spring on every joint."""
+    return tree(base, armature=0.02, damping=0.3, stiffness=4.0, rest_position=0.2)
 
 
 def anywhere(robot: RobotModel, num_worlds: int = 4) -> dict[str, ArrayLike]:
@@ -209,7 +209,7 @@ def held_bias_force(backend: Backend, robot: RobotModel) -> Finding:
 
 @check("C4")
 def acceleration(backend: Backend) -> list[Finding]:
-    """One substep changes joint velocities by h (M + h D)^-1 (effort - D qd - bias) of the reference recursion."""
+    """One substep changes joint velocities by h (M + h D)^-1 (effort - D qd - K (q - rest) - bias) of the recursion."""
     return [joint_acceleration(backend, laden_tree(base)) for base in BASES]
 
 
@@ -254,10 +254,11 @@ def _reference_acceleration(robot: RobotModel, state: State, control: Array) -> 
     poses, linear, angular = reference(robot, state)
     law = ActuationLaw(robot)
     geared = law.geared(control)
-    effort = law.joint_effort(geared, state.joint_position, state.joint_velocity)
+    q, qd = state.joint_position, state.joint_velocity
+    effort = law.joint_effort(geared, q, qd) + law.spring_effort(q)
     return Dynamics(robot, GRAVITY).acceleration(
-        poses, linear[:, 0], angular[:, 0], state.joint_velocity,
-        effort=effort, thrust=law.thrust(geared), timestep=TIMESTEP,
+        poses, linear[:, 0], angular[:, 0], qd, effort=effort, timestep=TIMESTEP,
+        thrust=law.thrust(geared, state.link_position[:, law.thrust_link, 2]),
     )  # fmt: skip
 
 

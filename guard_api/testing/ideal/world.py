@@ -87,7 +87,7 @@ class IdealWorld:
             raise BackendError(f"substeps is {substeps}: step at least once")
         self._control = np.array(control, float)
         geared = self._law.geared(self._control)
-        thrust = self._law.thrust(geared)
+        thrust = self._law.thrust(geared, self._thrust_heights())
         now = dict(self._data)
         with np.errstate(all="ignore"):  # a world that diverges is reported by `ok`
             for _ in range(substeps):
@@ -167,15 +167,16 @@ class IdealWorld:
     def _move_robot(self, robot: Dynamics, now: Data, geared: Array, thrust: Array) -> Data:
         q, qd, h = now["joint_position"], now["joint_velocity"], self.scene.timestep
         effort = self._law.joint_effort(geared, q, qd)
+        torque = effort + self._law.spring_effort(q)
         poses = robot.kinematics.poses(*(now[name] for name in _POSE))
         velocities = [now[name] for name in _VELOCITY]
         base = robot.num_coordinates - q.shape[1]
         if self._loss.any():
-            equations = robot.equations(poses, *velocities, effort=effort, thrust=thrust, timestep=h)
+            equations = robot.equations(poses, *velocities, effort=torque, thrust=thrust, timestep=h)
             speed = np.concatenate([np.zeros((base, self.num_worlds)), qd.T])
             a = rubbed(*equations, speed, np.concatenate([np.zeros(base), self._loss]), h).T
         else:
-            a = robot.acceleration(poses, *velocities, effort=effort, thrust=thrust, timestep=h)
+            a = robot.acceleration(poses, *velocities, effort=torque, thrust=thrust, timestep=h)
         qd = qd + h * a[:, base:]
         free = q + h * qd
         q = np.clip(free, self._lower, self._upper)
@@ -186,6 +187,13 @@ class IdealWorld:
             moved["base_position"] = now["base_position"] + h * linear
             moved["base_quaternion"] = turned(now["base_quaternion"], h * angular)
         return moved
+
+    def _thrust_heights(self) -> Array | None:
+        """Return the present heights (N, T) of the thrust links' origins if the law asks for them."""
+        if not self._robot or not self._law.has_ceilings:
+            return None
+        poses = self._robot.kinematics.poses(*(self._data[name] for name in _POSE))
+        return poses.position[:, self._law.thrust_link, 2]
 
     def _fingerprint(self) -> bytes:
         return hashlib.blake2b(repr((self.scene, self.num_worlds)).encode(), digest_size=16).digest()
