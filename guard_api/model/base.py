@@ -16,6 +16,9 @@ WORLD = "world"
 PLANAR_LINKS = (WORLD, "base_x", "base_y")
 """Massless links that the planar joints hang on, in order."""
 
+BASE_KINDS = ("planar", "floating")
+"""Kinds of joints that only a base may have, below a link `world`."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Base:
@@ -34,12 +37,12 @@ def resolve_base(tree: Tree, side: SideFile, problems: Problems) -> Base:
     first = tree.joints[0] if tree.joints else None
     stated: BaseKind | None = None
     height = side.height or 0.0
-    if first and tree.links[0].name == WORLD and first.kind in {"planar", "floating"}:
+    if first and tree.links[0].name == WORLD and first.kind in BASE_KINDS:
         stated = "planar" if first.kind == "planar" else "floating"
         height = _height(first, side, problems)
         tree = _below_world(tree, problems)
     for joint in tree.joints:
-        if joint.kind in {"planar", "floating"}:
+        if joint.kind in BASE_KINDS:
             problems.error(
                 joint.place,
                 f"joint {joint.name!r} is {joint.kind}: only the first joint, below a link {WORLD!r}, may be",
@@ -77,6 +80,8 @@ def with_base(model: RobotModel, side: SideFile) -> RobotModel:
             axis=axes[i],
             damping=side.base_damping[i],
             armature=side.base_armature[i],
+            stiffness=side.base_stiffness[i],
+            rest_position=side.base_rest_position[i],
         )
         for i, name in enumerate(PLANAR_JOINTS)
     )

@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+from guard_api.model.ball import expand_balls
 from guard_api.model.base import resolve_base, with_base
 from guard_api.model.inertia import of_solids, positive_definite
 from guard_api.model.merge import Body, merge_fixed
 from guard_api.model.problems import Problems
-from guard_api.model.references import check_references, place_actuators, place_sensors, place_touch_links
+from guard_api.model.references import check_references, place_actuators, place_frame, place_segments, place_sensors
 from guard_api.model.robot import Collision, Home, Joint, JointKind, Link, RobotModel
 from guard_api.model.sidefile import DEFAULT, SideFile, read_side_file
 from guard_api.model.tree import Tree, TreeJoint, TreeLink, ordered
@@ -39,6 +40,8 @@ def read_robot(urdf: Path, side_file: Path | None = None, *, name: str | None = 
 
 def build_robot(tree: Tree, side: SideFile, problems: Problems) -> RobotModel:
     """Return the robot that `tree` and `side` describe. Raises ModelError with all `problems`, old ones included."""
+    written = {link.name for link in tree.links}
+    tree, side = expand_balls(tree, side, problems)
     check_references(tree, side, problems)
     in_order = ordered(tree, problems)
     if in_order is None:
@@ -51,11 +54,12 @@ def build_robot(tree: Tree, side: SideFile, problems: Problems) -> RobotModel:
         carriers.discard(merged.bodies[0].name)  # it hangs on no joint, so it cannot do without mass
     for body in merged.bodies[1:] if base.kind == "fixed" else merged.bodies:
         _check_mass(body, carriers, side, problems)
+        if body.properties.mass == 0.0 and body.name in written:
+            problems.note(f"link {body.name!r} is empty: it is a massless link between two joints")
     links = tuple(_link(body, side) for body in merged.bodies)
     joints = tuple(_joint(joint, side) for joint in merged.joints)
     actuators = place_actuators(side.actuators, merged)
-    sensors = place_sensors(side.sensors, merged)
-    touch = place_touch_links(side, merged, problems)
+    sensors = place_sensors(side, merged, problems)
     _note_home(joints, side, problems)
     problems.raise_if_any()
     model = RobotModel(
@@ -65,8 +69,10 @@ def build_robot(tree: Tree, side: SideFile, problems: Problems) -> RobotModel:
         links=links,
         joints=joints,
         actuators=actuators,
+        reference=place_frame(side.reference, merged) if side.reference else None,
+        lidar=tuple(place_frame(frame, merged) for frame in side.lidar),
+        segments=place_segments(side.segments, merged),
         sensors=sensors,
-        touch_links=touch,
         home=Home(height=base.height, joint_position=dict(side.joint_position)),
         keepout=side.keepout,
         timestep=side.timestep,
@@ -107,8 +113,6 @@ def _check_mass(body: Body, carriers: set[str], side: SideFile, problems: Proble
             body.place,
             f"link {body.name!r} moves but has neither <inertial> nor collision shapes to compute it from: add one",
         )
-    else:
-        problems.note(f"link {body.name!r} is empty: it is a massless link between two joints")
 
 
 def _link(body: Body, side: SideFile) -> Link:
@@ -131,6 +135,9 @@ def _link(body: Body, side: SideFile) -> Link:
 
 
 def _joint(joint: TreeJoint, side: SideFile) -> Joint:
+    def chosen(by_name: dict[str, float], own: float) -> float:
+        return by_name.get(joint.name, by_name.get(DEFAULT, own))
+
     kind: JointKind = "prismatic" if joint.kind == "prismatic" else "continuous"
     return Joint(
         name=joint.name,
@@ -140,9 +147,11 @@ def _joint(joint: TreeJoint, side: SideFile) -> Joint:
         origin=joint.origin,
         axis=joint.axis,
         limits=joint.limits,
-        damping=joint.damping,
+        damping=chosen(side.damping, joint.damping),
         friction_loss=joint.friction_loss,
-        armature=side.armature.get(joint.name, side.armature.get(DEFAULT, 0.0)),
+        armature=chosen(side.armature, joint.armature),
+        stiffness=chosen(side.stiffness, joint.stiffness),
+        rest_position=chosen(side.rest_position, joint.rest_position),
         effort_limit=joint.effort_limit,
         velocity_limit=joint.velocity_limit,
     )

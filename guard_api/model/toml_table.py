@@ -33,15 +33,19 @@ class Table:
         """Report that the robot cannot be used because of `key`."""
         self._problems.error(f"{self._file}: {self._prefix}{key}", message)
 
-    def number(self, key: str, default: float | None = None, *, above: float = -math.inf) -> float:
-        """Return a finite number greater than `above`."""
+    def number(
+        self, key: str, default: float | None = None, *, above: float = -math.inf, at_least: float = -math.inf
+    ) -> float:
+        """Return a finite number greater than `above` and not less than `at_least`."""
         value = self._get(key, default)
         if not _finite(value):
             return self._wrong(key, value, "a finite number", default, 1.0)
         if value <= above:
             self.error(key, f"{value!r} must be greater than {above:g}")
             return 1.0 if default is None else default
-        return float(value)
+        if value < at_least:
+            self.error(key, f"{value!r} must be at least {at_least:g}")
+        return max(float(value), at_least)
 
     def integer(self, key: str, default: int, *, at_least: int) -> int:
         """Return a whole number."""

@@ -10,7 +10,7 @@ from guard_api.model.problems import Problems
 from guard_api.model.robot import Visual
 from guard_api.shapes import Pose, Shape, Vector3
 
-TreeJointKind: TypeAlias = Literal["fixed", "revolute", "continuous", "prismatic", "planar", "floating"]
+TreeJointKind: TypeAlias = Literal["fixed", "revolute", "continuous", "prismatic", "ball", "planar", "floating"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,7 +35,10 @@ class TreeLink:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TreeJoint:
-    """A joint as written; fields as in `guard_api.model.robot.Joint`; `place` is `file:line`."""
+    """A joint as written; fields as in `guard_api.model.robot.Joint`; `place` is `file:line`.
+
+    Axis and limits mean nothing on a ball, fixed or floating joint.
+    """
 
     name: str
     kind: TreeJointKind
@@ -47,6 +50,9 @@ class TreeJoint:
     limits: tuple[float, float] | None = None
     damping: float = 0.0
     friction_loss: float = 0.0
+    armature: float = 0.0
+    stiffness: float = 0.0
+    rest_position: float = 0.0
     effort_limit: float = float("inf")
     velocity_limit: float = float("inf")
 

@@ -23,6 +23,7 @@ HEAVIEST = 1e5
 """Mass [kg] beyond which a link is noted as probably given in another unit."""
 
 _LIMITED = {"revolute", "prismatic"}
+_WITHOUT_AXIS = {"fixed", "floating", "ball"}
 
 Rgba: TypeAlias = tuple[float, float, float, float]
 
@@ -172,6 +173,8 @@ def _joint(node: Element) -> TreeJoint:
 
 def _kind(node: Element) -> TreeJointKind:
     kind, known = node.text("type"), get_args(TreeJointKind)
+    if kind == "ball":
+        node.note("the joint type ball is an extension of GUARD: other readers of URDF refuse it")
     if kind in known:
         return cast(TreeJointKind, kind)
     if kind:
@@ -187,12 +190,14 @@ def _axis(node: Element, kind: TreeJointKind, name: str) -> tuple[float, float, 
         if kind == "planar":
             node.note(f"joint {name!r} has no <axis>: its plane is taken to be horizontal")
             return 0.0, 0.0, 1.0
-        if kind not in {"fixed", "floating"}:
+        if kind not in _WITHOUT_AXIS:
             node.note(f"joint {name!r} has no <axis>: it is x, as URDF says")
         return 1.0, 0.0, 0.0
+    if kind == "ball":
+        axis.note(f"joint {name!r} is a ball: its axis is ignored")
     x, y, z = axis.vector("xyz", 3)
     norm = math.hypot(x, y, z)
-    if norm == 0.0 and kind not in {"fixed", "floating"}:
+    if norm == 0.0 and kind not in _WITHOUT_AXIS:
         axis.error(f"joint {name!r}: the axis is zero: give it a direction")
     if norm == 0.0:
         return 1.0, 0.0, 0.0
@@ -205,8 +210,8 @@ def _limits(node: Element, kind: TreeJointKind, name: str) -> tuple[float, float
     limit = node.child("limit")
     given = [end for end in ("lower", "upper") if limit and end in limit.attributes]
     if kind not in _LIMITED:
-        if limit and given and kind == "continuous":
-            limit.note(f"joint {name!r} is continuous: its position limits are ignored")
+        if limit and given and kind in {"continuous", "ball"}:
+            limit.note(f"{kind} joint {name!r} turns freely: its position limits are ignored")
         return None
     if limit is None or not given:
         free = ", or make it continuous" if kind == "revolute" else ""

@@ -1,6 +1,7 @@
 """Writes a robot as the two files that `guard_api.model.reader` reads back to the same model.
 
 Links and joints keep their order if it is depth first, as the readers leave it; `notes` and mesh sources are not kept.
+A named frame is written as an empty link on a fixed joint, which the readers merge into its link again.
 Numbers are written so that they read back to the same bits. A planar base is written as `[base]` in the side file,
 never as links and joints, because it is a way to stand in the world and no part of the robot.
 """
@@ -18,14 +19,15 @@ import numpy as np
 from guard_api import rotations
 from guard_api.errors import ModelError
 from guard_api.model.base import without_base
-from guard_api.model.robot import Actuator, Collision, Joint, Link, RobotModel, Sensor, Visual
+from guard_api.model.robot import Actuator, Collision, Frame, Joint, Link, RobotModel, Sensor, Visual
 from guard_api.shapes import Box, Capsule, Cylinder, Mesh, Pose, Quaternion, Shape, Sphere
 
 
 def to_urdf(model: RobotModel) -> str:
     """Return `model` as URDF text; a mesh refers to the file name that `mesh_files` gives its hull.
 
-    Raises ModelError for a revolute or prismatic joint without limits, which URDF cannot express.
+    Raises ModelError for a revolute or prismatic joint without limits and for two places of one name, which URDF
+    cannot express.
     """
     links, joints = without_base(model)
     lines = ['<?xml version="1.0"?>', f"<robot name={quoteattr(model.name)}>"]
@@ -33,6 +35,9 @@ def to_urdf(model: RobotModel) -> str:
         lines += _link(link)
     for joint in joints:
         lines += _joint(joint)
+    taken = {joint.name for joint in joints}
+    for frame in _frames(model):
+        lines += _frame(frame, _free_name(frame.name, taken))
     return "\n".join([*lines, "</robot>", ""])
 
 
@@ -45,17 +50,23 @@ def to_side_file(model: RobotModel) -> str:
         f"timestep = {_toml(model.timestep)}",
         f"substeps = {model.substeps}",
         f"collide_ground = {_toml(model.collide_ground)}",
-        f"touch = {_toml(model.touch_links)}",
+        *([f"reference = {_toml(model.reference.name)}"] if model.reference else []),
+        f"lidar = {_toml([frame.name for frame in model.lidar])}",
         *_table("base", _base(model)),
         *_table("home", {"height": model.home.height}),
         *_table("home.joints", model.home.joint_position),
         *_table("friction", {name: shape.friction for name, shape in _named_collisions(model)}),
         *_table("armature", {joint.name: joint.armature for joint in joints}),
+        *_table("stiffness", {joint.name: joint.stiffness for joint in joints}),
+        *_table("rest_position", {joint.name: joint.rest_position for joint in joints}),
     ]
     for actuator in model.actuators:
         lines += _table("[actuators]", _actuator(actuator))
     for sensor in model.sensors:
         lines += _table("[sensors]", _sensor(sensor))
+    for segment in model.segments:
+        ends = {"start": segment.start.name, "end": segment.end.name}
+        lines += _table("[segments]", {**ends, "radius": segment.radius})
     return "\n".join([*lines, ""])
 
 
@@ -130,12 +141,49 @@ def _joint(joint: Joint) -> Iterator[str]:
     yield f"    {_origin(joint.origin)}"
     yield f'    <axis xyz="{_numbers(joint.axis)}"/>'
     bounds = dict(zip(("lower", "upper"), joint.limits or (), strict=False))
-    bounds |= {"effort": joint.effort_limit, "velocity": joint.velocity_limit}
-    attributes = "".join(f' {name}="{value!r}"' for name, value in bounds.items() if math.isfinite(value))
+    bounds |= _finite({"effort": joint.effort_limit, "velocity": joint.velocity_limit})
+    attributes = "".join(f' {name}="{value!r}"' for name, value in bounds.items())
     if attributes:
         yield f"    <limit{attributes}/>"
     yield f'    <dynamics damping="{joint.damping!r}" friction="{joint.friction_loss!r}"/>'
     yield "  </joint>"
+
+
+def _frames(model: RobotModel) -> list[Frame]:
+    """Return the frames that are no link's own, each once, in the order of their first use."""
+    named = [
+        model.reference,
+        *model.lidar,
+        *(end for segment in model.segments for end in (segment.start, segment.end)),
+    ]
+    places = {link.name: Frame(name=link.name, link=link.name) for link in model.links}
+    found: list[Frame] = []
+    for frame in named:
+        if frame and frame.name not in places:
+            places[frame.name] = frame
+            found.append(frame)
+        elif frame and places[frame.name] != frame:
+            raise ModelError(
+                f"frame {frame.name!r} on link {frame.link!r}: the name belongs to another place: rename it"
+            )
+    return found
+
+
+def _frame(frame: Frame, joint_name: str) -> Iterator[str]:
+    yield f"  <link name={quoteattr(frame.name)}/>"
+    yield f'  <joint name={quoteattr(joint_name)} type="fixed">'
+    yield f"    <parent link={quoteattr(frame.link)}/>"
+    yield f"    <child link={quoteattr(frame.name)}/>"
+    yield f"    {_origin(frame.pose)}"
+    yield "  </joint>"
+
+
+def _free_name(name: str, taken: set[str]) -> str:
+    """Return `name`, lengthened until it is not in `taken`, to which it is then added."""
+    while name in taken:
+        name += "_frame"
+    taken.add(name)
+    return name
 
 
 def _origin(pose: Pose) -> str:
@@ -146,8 +194,13 @@ def _base(model: RobotModel) -> dict[str, object]:
     if model.base != "planar":
         return {"kind": model.base}
     joints = model.joints[:3]
-    damping, armature = [joint.damping for joint in joints], [joint.armature for joint in joints]
-    return {"kind": model.base, "damping": damping, "armature": armature}
+    return {
+        "kind": model.base,
+        "damping": [joint.damping for joint in joints],
+        "armature": [joint.armature for joint in joints],
+        "stiffness": [joint.stiffness for joint in joints],
+        "rest_position": [joint.rest_position for joint in joints],
+    }
 
 
 def _actuator(actuator: Actuator) -> dict[str, object]:
@@ -160,15 +213,24 @@ def _actuator(actuator: Actuator) -> dict[str, object]:
     if actuator.law == "position":
         entry["kp"] = actuator.kp
     if actuator.law in {"position", "velocity"}:
-        entry |= {"kd": actuator.kd, "offset": actuator.offset}
-    if math.isfinite(actuator.effort_limit):
-        entry["effort_limit"] = actuator.effort_limit
-    return entry
+        entry["kd"] = actuator.kd
+    if actuator.law != "effort":
+        entry["offset"] = actuator.offset
+    bounds = {"effort_limit": actuator.effort_limit, "ceiling": actuator.ceiling}
+    return entry | _finite(bounds)
 
 
 def _sensor(sensor: Sensor) -> dict[str, object]:
+    entry: dict[str, object] = {"name": sensor.name, "kind": sensor.kind}
+    match sensor.kind:
+        case "joint_position" | "joint_velocity":
+            return entry | {"joint": sensor.joint}
+        case "relative_rotation" | "relative_angular_velocity":
+            return entry | {"link": sensor.link}
+        case "touch":
+            return entry | {"link": sensor.link, "position": sensor.pose.position} | _finite({"radius": sensor.radius})
     pose = {"position": sensor.pose.position, "rpy": rpy(sensor.pose.quaternion)}
-    return {"name": sensor.name, "kind": sensor.kind, "link": sensor.link, **pose}
+    return entry | {"link": sensor.link, **pose}
 
 
 def _named_collisions(model: RobotModel) -> Iterator[tuple[str, Collision]]:
@@ -179,6 +241,11 @@ def _named_collisions(model: RobotModel) -> Iterator[tuple[str, Collision]]:
 
 def _collision_name(link: Link, index: int) -> str:
     return f"{link.name}.{index}"
+
+
+def _finite(bounds: dict[str, float]) -> dict[str, float]:
+    """Return the bounds that bind."""
+    return {name: value for name, value in bounds.items() if math.isfinite(value)}
 
 
 def _table(name: str, entries: dict[str, object] | dict[str, float]) -> list[str]:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from guard_api import rotations
 from guard_api.model.base import with_base
 from guard_api.model.inertia import MassProperties, as_matrix, as_vector
-from guard_api.model.robot import Actuator, Collision, Home, Joint, Link, RobotModel, Sensor, Visual
+from guard_api.model.robot import Actuator, Collision, Frame, Home, Joint, Link, RobotModel, Segment, Sensor, Visual
 from guard_api.model.sidefile import SideFile
 from guard_api.shapes import Box, Capsule, Cylinder, Pose, Sphere
 
@@ -97,6 +97,8 @@ def joints(draw, name: str, parent: str, child: str) -> Joint:
         damping=draw(st.floats(0.0, 10.0)),
         friction_loss=draw(st.floats(0.0, 10.0)),
         armature=draw(st.floats(0.0, 10.0)),
+        stiffness=draw(st.floats(0.0, 10.0)),
+        rest_position=draw(st.floats(-3.0, 3.0)),
         effort_limit=draw(bounds),
         velocity_limit=draw(bounds),
     )
@@ -113,7 +115,8 @@ def actuators(draw, name: str, joint_names: list[str], link_names: list[str]) ->
     }
     if law == "thrust":
         place = {"link": draw(st.sampled_from(link_names)), "point": draw(positions), "direction": draw(axes())}
-        return Actuator(law=law, **place, **shared)
+        hover = {"offset": draw(st.floats(-1.0, 1.0)), "ceiling": draw(st.one_of(st.just(math.inf), lengths))}
+        return Actuator(law=law, **place, **hover, **shared)
     servo = law != "effort"
     return Actuator(
         law=law,
@@ -126,9 +129,28 @@ def actuators(draw, name: str, joint_names: list[str], link_names: list[str]) ->
 
 
 @st.composite
-def sensors(draw, name: str, link_names: list[str]) -> Sensor:
-    kind = draw(st.sampled_from(["accelerometer", "velocimeter", "gyro", "magnetometer"]))
-    return Sensor(name=name, kind=kind, link=draw(st.sampled_from(link_names)), pose=draw(poses()))
+def sensors(draw, name: str, joint_names: list[str], link_names: list[str]) -> Sensor:
+    """Any sensor but a second one on the whole of a link; only links after the first turn against another."""
+    kinds = ["accelerometer", "velocimeter", "gyro", "magnetometer", "touch"]
+    of_joints = ["joint_position", "joint_velocity", "relative_rotation", "relative_angular_velocity"]
+    kind = draw(st.sampled_from(kinds + of_joints if joint_names else kinds))
+    if kind.startswith("joint"):
+        return Sensor(name=name, kind=kind, joint=draw(st.sampled_from(joint_names)))
+    if kind.startswith("relative"):
+        return Sensor(name=name, kind=kind, link=draw(st.sampled_from(link_names[1:])))
+    link = draw(st.sampled_from(link_names))
+    if kind == "touch":
+        return Sensor(name=name, kind=kind, link=link, pose=Pose(position=draw(positions)), radius=draw(lengths))
+    return Sensor(name=name, kind=kind, link=link, pose=draw(poses()))
+
+
+@st.composite
+def frames(draw, link_names: list[str]) -> list[Frame]:
+    """A link's own frame, and frames of other names."""
+    others = draw(_few(names.filter(lambda name: name not in link_names)))
+    own = draw(st.sampled_from(link_names))
+    places = [Frame(name=name, link=draw(st.sampled_from(link_names)), pose=draw(poses())) for name in others]
+    return [Frame(name=own, link=own), *places]
 
 
 @st.composite
@@ -145,6 +167,10 @@ def robots(draw) -> RobotModel:
         chain.append(i)
     carriers = {parent for parent in parents if base == "fixed" or parent > 0}
     massless = [i in carriers and draw(st.booleans()) for i in range(len(link_names))]
+    places = st.sampled_from(draw(frames(link_names)))
+    sensor_list = [draw(sensors(name, joint_names, link_names)) for name in draw(_few(names))]
+    if draw(st.booleans()):
+        sensor_list.append(Sensor(name="whole", kind="touch", link=draw(st.sampled_from(link_names))))
     model = RobotModel(
         name=draw(names),
         base=base,
@@ -155,8 +181,10 @@ def robots(draw) -> RobotModel:
             for i, (name, parent) in enumerate(zip(joint_names, parents, strict=True))
         ),
         actuators=tuple(draw(actuators(name, joint_names, link_names)) for name in draw(_few(names))),
-        sensors=tuple(draw(sensors(name, link_names)) for name in draw(_few(names))),
-        touch_links=tuple(draw(_few(st.sampled_from(link_names)))),
+        reference=draw(st.one_of(st.none(), places)),
+        lidar=tuple(draw(st.lists(places, max_size=2, unique=True))),
+        segments=tuple(draw(st.lists(st.builds(Segment, start=places, end=places, radius=fractions), max_size=2))),
+        sensors=tuple(sensor_list),
         home=Home(
             height=draw(fractions), joint_position={name: draw(st.floats(-1.0, 1.0)) for name in joint_names[::2]}
         ),
@@ -166,8 +194,9 @@ def robots(draw) -> RobotModel:
         collide_ground=draw(st.booleans()),
         licence=draw(st.sampled_from(["", "CC0-1.0"])),
     )
-    damping, armature = (as_vector([draw(fractions) for _ in range(3)]) for _ in range(2))
-    return with_base(model, SideFile(base_damping=damping, base_armature=armature))
+    base_joints = ("base_damping", "base_armature", "base_stiffness", "base_rest_position")
+    triples = {name: as_vector([draw(fractions) for _ in range(3)]) for name in base_joints}
+    return with_base(model, SideFile(**triples))
 
 
 def _few(elements: st.SearchStrategy[str]) -> st.SearchStrategy[list[str]]:

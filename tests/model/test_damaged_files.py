@@ -32,6 +32,8 @@ URDF = """<?xml version="1.0"?>
     <parent link="a"/><child link="b"/><origin xyz="0 0 1" rpy="1 2 3"/><axis xyz="0 1 0"/>
     <limit lower="-1" upper="1" effort="3" velocity="4"/><dynamics damping="0.1" friction="0.2"/>
   </joint>
+  <link name="d"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial></link>
+  <joint name="shoulder" type="ball"><parent link="a"/><child link="d"/><dynamics damping="0.1"/></joint>
   <joint name="weld" type="fixed"><parent link="b"/><child link="c"/><origin quat_xyzw="0 0 0 1"/></joint>
 </robot>
 """
@@ -39,9 +41,13 @@ TOML = """
 licence = "CC0-1.0"
 density = 100.0
 substeps = 4
-touch = ["c"]
+reference = "c"
+lidar = ["c", "a"]
 friction = { default = 0.5, c = 2.0 }
-armature = { hinge = 0.1 }
+armature = { hinge = 0.1, shoulder = 0.2 }
+damping = { shoulder_x = 0.3 }
+stiffness = { default = 1.0 }
+rest_position = { hinge = 0.1 }
 base.kind = "floating"
 home = { height = 1.0, joints = { hinge = 0.2 } }
 [[actuators]]
@@ -55,10 +61,26 @@ name = "jet"
 law = "thrust"
 link = "c"
 direction = [0, 0, 1]
+offset = 2.0
+ceiling = 3.0
 [[sensors]]
 kind = "gyro"
 link = "c"
 rpy = [0, 1, 0]
+[[sensors]]
+kind = "touch"
+link = "c"
+radius = 0.1
+[[sensors]]
+kind = "joint_position"
+joint = "shoulder_y"
+[[sensors]]
+kind = "relative_rotation"
+link = "d"
+[[segments]]
+start = "a"
+end = "c"
+radius = 0.1
 """
 TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n"
 NASTY = [
@@ -91,10 +113,12 @@ def assert_sound(value: object) -> None:
             assert joint.parent in known
             assert abs(math.hypot(*joint.axis) - 1.0) < 1e-12
             known.add(link.name)
-        assert {item.link for item in value.sensors} <= known
+        frames = [*value.lidar, *(end for item in value.segments for end in (item.start, item.end))]
+        assert {item.link for item in (*value.sensors, *frames) if item.link} <= known
+        assert {item.joint for item in value.sensors if item.joint} <= set(value.joint_names)
     if is_dataclass(value):
         for field in fields(value):
-            if not field.name.endswith("_limit"):
+            if not field.name.endswith("_limit") and field.name not in {"ceiling", "radius"}:
                 assert_sound(getattr(value, field.name))
     elif isinstance(value, tuple):
         for item in value:

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from guard_api import rotations
 from guard_api.model.inertia import of_shape
-from guard_api.model.robot import PLANAR_JOINTS, RobotModel
+from guard_api.model.robot import PLANAR_JOINTS, Frame, RobotModel, Segment
 from guard_api.model.writers import to_urdf
 from guard_api.shapes import Box, Capsule, Cylinder, Mesh, Sphere
 from tests.model.files import Z, joint, link, load
@@ -31,7 +31,8 @@ def test_links_come_depth_first_in_file_order(tmp_path: Path) -> None:
 
 
 ON_THE_TIP = """
-touch = ["tip"]
+reference = "tip"
+lidar = ["root", "tip"]
 friction = { default = 0.5, tip = 2.0, rubber = 3.0 }
 [[actuators]]
 name = "jet"
@@ -43,6 +44,14 @@ direction = [0, 2, 0]
 kind = "gyro"
 link = "tip"
 position = [0, 0, 1]
+[[sensors]]
+kind = "touch"
+link = "tip"
+position = [1, 0, 0]
+[[segments]]
+start = "arm"
+end = "tip"
+radius = 0.1
 """
 
 
@@ -71,11 +80,21 @@ def test_fixed_joints_are_merged_with_all_that_sits_on_them(tmp_path: Path) -> N
     assert knuckle.parent == "arm"
     np.testing.assert_allclose(knuckle.origin.position, (0.0, 2.5, 0.0), atol=1e-15)
     np.testing.assert_allclose(knuckle.origin.quaternion, (0.5**0.5, 0, 0, 0.5**0.5))
-    (jet,), (gyro,) = robot.actuators, robot.sensors
-    assert jet.link == gyro.link == "arm"
+    (jet,), (gyro, touch) = robot.actuators, robot.sensors
+    assert jet.link == gyro.link == touch.link == "arm"
     np.testing.assert_allclose((jet.point, jet.direction), [(0, 3, 0), (-1, 0, 0)], atol=1e-15)
     np.testing.assert_allclose(gyro.pose.position, (0, 2, 1))
-    assert robot.touch_links == ("arm",)
+    np.testing.assert_allclose(touch.pose.position, (0, 3, 0), atol=1e-15)
+    assert touch.pose.quaternion == (1.0, 0.0, 0.0, 0.0)
+    assert robot.touch_sensors == (touch,)
+    assert "sensor 'touch_tip' feels touch on all of 'arm', which link 'tip' is merged into" in robot.notes
+    tip = robot.reference
+    assert tip is not None
+    assert (tip.name, tip.link) == ("tip", "arm")
+    np.testing.assert_allclose(tip.pose.position, (0.0, 2.0, 0.0), atol=1e-15)
+    np.testing.assert_allclose(tip.pose.quaternion, (0.5**0.5, 0, 0, 0.5**0.5))
+    assert robot.lidar == (Frame(name="root", link="root"), tip)
+    assert robot.segments == (Segment(start=Frame(name="arm", link="arm"), end=tip, radius=0.1),)
     assert "fixed joint 'weld': link 'tip' is merged into 'arm'" in robot.notes
 
 

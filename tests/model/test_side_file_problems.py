@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.model.files import A, B, complaint, hinge, robot
+from tests.model.files import A, B, complaint, hinge, load_text, robot
 
 BALL = '<collision><geometry><sphere radius="0.1"/></geometry></collision>'
 LIMIT = '<limit lower="-1" upper="1"/>'
@@ -34,11 +34,37 @@ TOML = {
         "base.damping: belongs to a planar",
     ),
     "bad triple": ("[base]\nkind = 'planar'\ndamping = [1]", "robot.toml: base.damping: [1] is not a list of 3"),
-    "unknown touch link": ("touch = ['c']", "robot.toml: touch: link 'c' does not exist: known: a, b"),
+    "bad spring of the base": (
+        "[base]\nkind = 'planar'\nstiffness = [1, -1, 1]",
+        "robot.toml: base.stiffness: [1.0, -1.0, 1.0] must not be negative",
+    ),
+    "rest position of a floating base": (
+        "[base]\nkind = 'floating'\nrest_position = [1, 1, 1]",
+        "base.rest_position: belongs to a planar",
+    ),
+    "touch as a list": ("touch = ['a']", "robot.toml: touch: unknown key"),
+    "unknown reference": ("reference = 'c'", "robot.toml: reference: link 'c' does not exist: known: a, b"),
+    "reference as a list": ("reference = ['a']", "robot.toml: reference: ['a'] is not a text"),
+    "unknown lidar": ("lidar = ['a', 'c']", "robot.toml: lidar: link 'c' does not exist: known: a, b"),
+    "lidar twice": ("lidar = ['a', 'b', 'a']", "robot.toml: lidar: link 'a' is named twice: name it once"),
+    "unknown end": (
+        "[[segments]]\nstart = 'a'\nend = 'c'",
+        "robot.toml: segments[0].end: link 'c' does not exist: known: a, b",
+    ),
+    "segment without end": ("[[segments]]\nstart = 'a'", "robot.toml: segments[0].end: is missing: give a text"),
+    "segment of negative thickness": (
+        "[[segments]]\nstart = 'a'\nend = 'b'\nradius = -1",
+        "robot.toml: segments[0].radius: -1 must be at least 0",
+    ),
     "unknown home joint": ("[home.joints]\nk = 1.0", "robot.toml: home.joints: joint 'k' does not exist"),
     "unknown friction": ("[friction]\nfoot = 1.0", "robot.toml: friction: link or collision 'foot' does not exist"),
-    "negative friction": ("[friction]\na = -1.0", "robot.toml: friction.a: -1.0 must not be negative"),
+    "negative friction": ("[friction]\na = -1.0", "robot.toml: friction.a: -1.0 must be at least 0"),
     "unknown armature": ("[armature]\nk = 1.0", "robot.toml: armature: joint 'k' does not exist"),
+    "unknown damping": ("[damping]\nk = 1.0", "robot.toml: damping: joint 'k' does not exist"),
+    "negative damping": ("[damping]\nj = -1.0", "robot.toml: damping.j: -1.0 must be at least 0"),
+    "unknown spring": ("[stiffness]\nk = 1.0", "robot.toml: stiffness: joint 'k' does not exist"),
+    "negative stiffness": ("[stiffness]\ndefault = -1.0", "robot.toml: stiffness.default: -1.0 must be at least 0"),
+    "unknown rest": ("[rest_position]\nk = 1.0", "robot.toml: rest_position: joint 'k' does not exist"),
     "bad law": (
         one_actuator("name = 'm'", "law = 'torque'", "joint = 'j'"),
         "robot.toml: actuators[0].law: unknown value 'torque'",
@@ -68,6 +94,18 @@ TOML = {
         one_actuator("name = 'm'", "law = 'position'", "joint = 'j'"),
         "robot.toml: actuators[0].kp: is missing",
     ),
+    "offset of a torque": (
+        one_actuator("name = 'm'", "law = 'effort'", "joint = 'j'", "offset = 1"),
+        "robot.toml: actuators[0].offset: unknown key",
+    ),
+    "ceiling of a servo": (
+        one_actuator("name = 'm'", "law = 'velocity'", "joint = 'j'", "kd = 1", "ceiling = 1"),
+        "robot.toml: actuators[0].ceiling: unknown key",
+    ),
+    "negative gain": (
+        one_actuator("name = 'm'", "law = 'position'", "joint = 'j'", "kp = 1", "kd = -1"),
+        "robot.toml: actuators[0].kd: -1 must be at least 0",
+    ),
     "reversed range": (
         one_actuator("name = 'm'", "law = 'effort'", "joint = 'j'", "ctrl_range = [1, -1]"),
         "robot.toml: actuators[0].ctrl_range: [1, -1] must be increasing",
@@ -83,6 +121,31 @@ TOML = {
     "sensor nowhere": (
         "[[sensors]]\nkind = 'gyro'\nlink = 'x'",
         "sensors[0].link: link 'x' does not exist",
+    ),
+    "sensor of no joint": (
+        "[[sensors]]\nkind = 'joint_position'\njoint = 'x'",
+        "sensors[0].joint: joint 'x' does not exist",
+    ),
+    "joint sensor on a link": (
+        "[[sensors]]\nkind = 'joint_velocity'\nlink = 'a'",
+        "robot.toml: sensors[0].joint: is missing: give a text",
+    ),
+    "range of a gyro": ("[[sensors]]\nkind = 'gyro'\nlink = 'a'\nradius = 1", "sensors[0].radius: unknown key"),
+    "axes of a touch sensor": (
+        "[[sensors]]\nkind = 'touch'\nlink = 'a'\nrpy = [0, 0, 0]",
+        "sensors[0].rpy: unknown key",
+    ),
+    "touch of no range": (
+        "[[sensors]]\nkind = 'touch'\nlink = 'a'\nradius = 0",
+        "sensors[0].radius: 0 must be greater than 0",
+    ),
+    "touch twice": (
+        "[[sensors]]\nkind = 'touch'\nlink = 'a'\nradius = 1\n" * 2,
+        "robot.toml: sensors[1].name: 'touch_a' is taken by sensors[0]",
+    ),
+    "rotation of the root": (
+        "[[sensors]]\nkind = 'relative_rotation'\nlink = 'a'",
+        "robot.toml: sensors[0].link: link 'a' is the root: no link before it",
     ),
 }
 
@@ -112,6 +175,28 @@ def test_an_actuator_on_a_fixed_joint(tmp_path: Path) -> None:
     assert "joint 'j' is fixed" in complaint(tmp_path, robot(A, B, hinge("fixed")), toml)[0]
 
 
-def test_touch_links_of_one_body(tmp_path: Path) -> None:
-    lines = complaint(tmp_path, robot(A, B, hinge("fixed")), "touch = ['a', 'b']")
-    assert lines == ["robot.toml: touch: links 'a' and 'b' are one rigid body 'a': name one of them"]
+def test_two_touch_sensors_on_all_of_one_body(tmp_path: Path) -> None:
+    on_a, on_b = (f"[[sensors]]\nkind = 'touch'\nlink = '{name}'\n" for name in "ab")
+    lines = complaint(tmp_path, robot(A, B, hinge("fixed")), on_a + on_b)
+    assert lines == [
+        "robot.toml: sensors[1].link: touch on links 'a' and 'b': they are one rigid body 'a': remove a sensor, or "
+        "tell them apart by position and radius"
+    ]
+    load_text(tmp_path, robot(A, B, hinge("fixed")), f"{on_a}radius = 1.0\n{on_b}radius = 1.0\nposition = [1, 0, 0]")
+
+
+def test_a_rotation_of_what_does_not_turn(tmp_path: Path) -> None:
+    toml = "[[sensors]]\nkind = 'relative_angular_velocity'\nlink = 'b'"
+    lines = complaint(tmp_path, robot(A, B, hinge("fixed")), toml)
+    assert lines == ["robot.toml: sensors[0].link: link 'b' is fixed to 'a': name a link that hangs on a moving joint"]
+
+
+@pytest.mark.parametrize("kind", ["planar", "floating"])
+def test_nothing_sits_on_the_world_that_the_robot_moves_in(kind: str, tmp_path: Path) -> None:
+    free = hinge(kind, ends='<parent link="world"/><child link="a"/>')
+    toml = "reference = 'world'\n[[sensors]]\nkind = 'gyro'\nlink = 'world'"
+    lines = complaint(tmp_path, robot('<link name="world"/>', A, free), toml)
+    assert lines == [
+        "robot.toml: sensors[0].link: link 'world' does not exist: known: a",
+        "robot.toml: reference: link 'world' does not exist: known: a",
+    ]
