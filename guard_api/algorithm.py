@@ -23,8 +23,16 @@ if TYPE_CHECKING:
 class Policy(Protocol):
     """A trained policy: no state, no simulator."""
 
-    def act(self, observation: NDArray[np.floating], deterministic: bool = True) -> NDArray[np.float64]:
-        """Return actions (N, A) for observations (N, O): the mean action, or a sample when not deterministic."""
+    def act(
+        self,
+        observation: NDArray[np.floating],
+        deterministic: bool = True,
+        costs: NDArray[np.floating] | None = None,
+    ) -> NDArray[np.float64]:
+        """Return actions (N, A) for observations (N, O): the mean action, or a sample when not deterministic.
+
+        costs: (N, C) of the step before, 0 at an episode's start, for policies with a safety layer that measures them.
+        """
         ...
 
 

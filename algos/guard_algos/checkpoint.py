@@ -4,29 +4,34 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from guard_algos.config import OnPolicyConfig
 from guard_api.algorithm import TrainingJob
-from guard_api.errors import RunError
+from guard_api.errors import GuardError, RunError
 from guard_api.runs.checkpoint import load_checkpoint
 
 POLICY = "policy"
 """Key of the policy's parameters."""
 _GENERATOR = "generator"
+_CHANGES_NO_NUMBER = ("checkpoint_every", "threads")
+
+Config = TypeVar("Config", bound=OnPolicyConfig)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrainingState:
     """What is not a tensor: where the training stands, and what it must be continued with.
 
-    policy_sizes: widths of the policy's network, observation first and action last. job: see `identity`.
+    policy_sizes: widths of the policy's network, observation first and action last. job: see `identity`. cost_names:
+    the environment's, in order (empty in a checkpoint that was written before they were kept).
     """
 
     algorithm: str
@@ -35,6 +40,7 @@ class TrainingState:
     epoch: int
     total_steps: int
     cumulative_cost: float
+    cost_names: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """Return the state as JSON data."""
@@ -44,7 +50,7 @@ class TrainingState:
 def identity(job: TrainingJob) -> dict[str, Any]:
     """Return as JSON data what must be the same for a resumed training to give the same bits."""
     config = asdict(job.config)
-    for name in ("checkpoint_every", "threads"):  # these change no number
+    for name in _CHANGES_NO_NUMBER:
         del config[name]
     return {
         "environment": job.env.spec.fingerprint,
@@ -69,7 +75,8 @@ def read(path: Path, algorithm: str) -> tuple[dict[str, NDArray[Any]], TrainingS
     if found != algorithm:
         raise RunError(f"{path}: is a checkpoint of algorithm {found!r}, not {algorithm!r}: load it with that one")
     try:
-        training = TrainingState(**{**state, "policy_sizes": tuple(state["policy_sizes"])})
+        names = tuple(state.get("cost_names", ()))
+        training = TrainingState(**{**state, "policy_sizes": tuple(state["policy_sizes"]), "cost_names": names})
     except (TypeError, KeyError) as error:
         raise RunError(f"{path}: its state is not that of a training ({error}): use another checkpoint") from error
     return arrays, training
@@ -89,12 +96,28 @@ def restore(
                 f"{path}: was trained with {name} = {state.job.get(name)}, not {value}: "
                 "resume with that, or start a new run"
             )
-    expected = {**tensors, _GENERATOR: generator.get_state()}
-    check_shapes(path, arrays, {name: tuple(tensor.shape) for name, tensor in expected.items()})
-    for name, tensor in tensors.items():
-        tensor.copy_(torch.from_numpy(arrays[name]))
+    check_shapes(path, arrays, {_GENERATOR: tuple(generator.get_state().shape)})
+    fill(path, arrays, tensors)
     generator.set_state(torch.from_numpy(np.array(arrays[_GENERATOR])))
     return state
+
+
+def read_config(path: Path, state: TrainingState, config_type: type[Config]) -> Config:
+    """Return the options that the training was started with. Raises RunError where they do not fit `config_type`."""
+    names = [field.name for field in fields(config_type) if field.name not in _CHANGES_NO_NUMBER]
+    try:
+        values: dict[str, Any] = {name: state.job[name] for name in names}
+        values["hidden"] = tuple(values["hidden"])  # JSON has no tuples
+        return config_type(**values)
+    except (KeyError, GuardError) as error:
+        raise RunError(f"{path}: its options do not fit this GUARD ({error}): use another checkpoint") from error
+
+
+def fill(path: Path, arrays: Mapping[str, NDArray[Any]], tensors: Mapping[str, Tensor]) -> None:
+    """Write the checkpoint's `arrays` into the live `tensors` of the same names. Raises RunError where they differ."""
+    check_shapes(path, arrays, {name: tuple(tensor.shape) for name, tensor in tensors.items()})
+    for name, tensor in tensors.items():
+        tensor.copy_(torch.from_numpy(arrays[name]))
 
 
 def check_shapes(path: Path, arrays: Mapping[str, NDArray[Any]], expected: Mapping[str, tuple[int, ...]]) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,17 +12,20 @@ from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
-from guard_algos import checkpoint, constraints
+from guard_algos import checkpoint as checkpoints
+from guard_algos import constraints
 from guard_algos.batch import Batch, make_batch
+from guard_algos.checkpoint import TrainingState
 from guard_algos.config import CostLimits, OnPolicyConfig
 from guard_algos.constraints import Constraint
 from guard_algos.critics import Critic
 from guard_algos.finite import NotFiniteError
 from guard_algos.gaussian import GaussianPolicy
 from guard_algos.networks import Mlp
-from guard_algos.policy import TrainedPolicy, load_policy
+from guard_algos.policy import TrainedPolicy, make_policy
 from guard_algos.rollout import collect
 from guard_algos.workers import workers
 from guard_api.algorithm import TrainingJob
@@ -33,21 +36,28 @@ from guard_api.errors import GuardError, SpecError
 class Problem:
     """What a method may know of the environment and the training.
 
-    constraints: those of the config. generator: for the initial parameters of a method's own networks.
+    cost_names: the environment's costs. constraints: those of the config. total_steps: of the training.
+    generator: for the initial parameters of a method's own networks.
     """
 
     observation_size: int
     action_size: int
+    cost_names: tuple[str, ...]
     constraints: tuple[Constraint, ...]
+    total_steps: int
     generator: torch.Generator
 
 
 class Method:
-    """What one algorithm adds to the loop: how a batch improves the policy."""
+    """What one algorithm adds to the loop: how a batch improves the policy, and what is executed of its actions."""
 
     def improve(self, policy: GaussianPolicy, theta: Tensor, batch: Batch, pool: Executor) -> dict[str, float]:
         """Move the policy's parameters theta (P,) in place; return the method's columns of the log."""
         raise NotImplementedError
+
+    def correct(self, observation: Tensor, costs: Tensor | None, action: Tensor) -> Tensor:
+        """Return what is executed of the policy's actions: see `rollout.Correct`."""
+        return action
 
     def tensors(self) -> dict[str, Tensor]:
         """Return the live state that the method learns; a checkpoint saves it and writes it back in place."""
@@ -56,11 +66,15 @@ class Method:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OnPolicyAlgorithm:
-    """An algorithm plugin: its name, its options and its method, on the shared loop."""
+    """An algorithm plugin: its name, its options and its method, on the shared loop.
+
+    corrects: whether the method corrects actions, which its trained policies then need too.
+    """
 
     name: str
     config_type: type[OnPolicyConfig]
     method: Callable[[Any, Problem], Method]
+    corrects: bool = False
 
     def train(self, job: TrainingJob) -> bool:
         """Train until `job.total_steps`; return whether they were reached.
@@ -78,7 +92,24 @@ class OnPolicyAlgorithm:
 
     def load_policy(self, checkpoint: Path, seed: int = 0) -> TrainedPolicy:
         """Load the policy of one checkpoint; `seed` is that of its samples. Raises RunError when it is not usable."""
-        return load_policy(checkpoint, self.name, seed)
+        arrays, state = checkpoints.read(checkpoint, self.name)
+        correct = self._trained_method(checkpoint, arrays, state).correct if self.corrects else None
+        return make_policy(checkpoint, arrays, state, seed, correct)
+
+    def _trained_method(self, path: Path, arrays: Mapping[str, NDArray[Any]], state: TrainingState) -> Method:
+        """Return the method as the checkpoint left it."""
+        config = checkpoints.read_config(path, state, self.config_type)
+        problem = Problem(
+            observation_size=state.policy_sizes[0],
+            action_size=state.policy_sizes[-1],
+            cost_names=state.cost_names,
+            constraints=_constraints(config, state.cost_names),
+            total_steps=state.total_steps,
+            generator=torch.Generator(),
+        )
+        method = self.method(config, problem)
+        checkpoints.fill(path, arrays, _nested("method", method.tensors()))
+        return method
 
 
 class _Training:
@@ -100,7 +131,7 @@ class _Training:
         sizes = (env.observation_size, *config.hidden)
         self._policy = GaussianPolicy(Mlp((*sizes, env.action_size)))
         self._theta = self._policy.init(initial, config.initial_log_std)
-        self._constraints = constraints.resolve(config, env.cost_names) if isinstance(config, CostLimits) else ()
+        self._constraints = _constraints(config, env.cost_names)
         names = ["value", *(f"cost_value_{constraint.name}" for constraint in self._constraints)]
         self._critics = {name: Critic(Mlp((*sizes, 1)), initial, config.value_learning_rate) for name in names}
         self._method = algorithm.method(
@@ -108,7 +139,9 @@ class _Training:
             Problem(
                 observation_size=env.observation_size,
                 action_size=env.action_size,
+                cost_names=tuple(env.cost_names),
                 constraints=self._constraints,
+                total_steps=job.total_steps,
                 generator=initial,
             ),
         )
@@ -142,6 +175,7 @@ class _Training:
             episode=self._epoch * self._rounds,
             num_steps=self._rounds * self._job.env.episode_length,
             generator=self._generator,
+            correct=self._method.correct,
         )
         collected = perf_counter()
         batch = make_batch(
@@ -186,32 +220,41 @@ class _Training:
         return row
 
     def _save(self) -> None:
-        state = checkpoint.TrainingState(
+        state = TrainingState(
             algorithm=self._algorithm.name,
             policy_sizes=self._policy.network.sizes,
-            job=checkpoint.identity(self._job),
+            job=checkpoints.identity(self._job),
             epoch=self._epoch,
             total_steps=self._total_steps,
             cumulative_cost=self._cumulative_cost,
+            cost_names=tuple(self._job.env.cost_names),
         )
-        tensors = checkpoint.to_arrays(self._tensors(), self._generator)
+        tensors = checkpoints.to_arrays(self._tensors(), self._generator)
         self._job.run.save_checkpoint(self._epoch, tensors, state.to_json())
 
     def resume(self) -> None:
         """Go back to the last checkpoint, or to the start where the run was stopped before its first one."""
         path = self._job.run.last_checkpoint()
         if path is not None:
-            state = checkpoint.restore(path, self._algorithm.name, self._job, self._tensors(), self._generator)
+            state = checkpoints.restore(path, self._algorithm.name, self._job, self._tensors(), self._generator)
             self._epoch, self._total_steps = state.epoch, state.total_steps
             self._cumulative_cost = state.cumulative_cost
         self._job.run.truncate_log(self._epoch)
 
     def _tensors(self) -> dict[str, Tensor]:
         """Return everything that is learned, live."""
-        parts = {f"critic.{name}": critic.tensors() for name, critic in self._critics.items()}
-        parts["method"] = self._method.tensors()
-        nested = {f"{part}.{key}": tensor for part, tensors in parts.items() for key, tensor in tensors.items()}
-        return {checkpoint.POLICY: self._theta} | nested
+        tensors = {checkpoints.POLICY: self._theta} | _nested("method", self._method.tensors())
+        for name, critic in self._critics.items():
+            tensors |= _nested(f"critic.{name}", critic.tensors())
+        return tensors
+
+
+def _nested(part: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    return {f"{part}.{key}": tensor for key, tensor in tensors.items()}
+
+
+def _constraints(config: OnPolicyConfig, cost_names: Sequence[str]) -> tuple[Constraint, ...]:
+    return constraints.resolve(config, cost_names) if isinstance(config, CostLimits) else ()
 
 
 def _seeds(seed: int) -> list[int]:

@@ -108,8 +108,13 @@ class RandomPolicy:
         self._action_size = action_size
         self._generator = np.random.default_rng(seed)
 
-    def act(self, observation: NDArray[np.floating], deterministic: bool = True) -> Array:
-        """Return actions (N, A) for observations (N, O); random whatever `deterministic` says."""
+    def act(
+        self,
+        observation: NDArray[np.floating],
+        deterministic: bool = True,
+        costs: NDArray[np.floating] | None = None,
+    ) -> Array:
+        """Return actions (N, A) for observations (N, O); random whatever `deterministic` and `costs` say."""
         return self._generator.uniform(-1.0, 1.0, (len(observation), self._action_size))
 
 
@@ -124,16 +129,18 @@ def evaluate(
     if episodes < 1:
         raise ValueError(f"episodes is {episodes}: it must be at least 1")
     observation = env.reset(episode=0, seed=env.seed if seed is None else seed)
+    costs = np.zeros((env.num_worlds, len(env.cost_names)))
     tally = _Tally(env.num_worlds, len(env.cost_names), episodes)
     while not tally.complete:
-        action = np.asarray(policy.act(observation, deterministic), dtype=np.float64)
+        action = np.asarray(policy.act(observation, deterministic, costs), dtype=np.float64)
         invalid = np.any(~np.isfinite(action), axis=1)
         step = env.step(np.where(invalid[:, None], 0.0, action))
-        observation = step.observation
+        ended = step.terminated | step.truncated
+        observation, costs = step.observation, np.where(ended[:, None], 0.0, step.costs)
         tally.fail(dict.fromkeys(np.flatnonzero(invalid).tolist(), "the policy's action was not finite"))
         tally.add(step.reward, step.costs, step.success)
         tally.fail(step.failures)
-        tally.end(step.terminated | step.truncated, env.episode_length)
+        tally.end(ended, env.episode_length)
     return tally.table(env.seed, env.cost_names)
 
 

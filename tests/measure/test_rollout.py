@@ -61,6 +61,21 @@ def test_a_nan_policy_fails_every_episode_and_looks_unsafe():
     np.testing.assert_array_equal(table.cost, 2 * LENGTH)
 
 
+def test_the_policy_sees_the_costs_of_its_world_s_step_before_and_none_at_an_episode_s_start():
+    class Watching(Push):
+        def act(self, observation, deterministic=True, costs=None):
+            assert costs is not None
+            # The cost of the step before is that of the place it led to, and an episode starts where nothing costs.
+            seen.append(costs[:, 0] - np.maximum(observation[:, 0] - 1.0, 0.0))
+            return super().act(observation, deterministic, costs)
+
+    seen: list[np.ndarray] = []
+    env = ToyEnvironment(num_worlds=2, diverge={(1, 0, 15)})
+    evaluate(Watching(1.0), env, 4)
+    np.testing.assert_allclose(seen, 0.0, atol=1e-12)
+    assert len(seen) == 2 * LENGTH
+
+
 def test_a_table_survives_json_to_the_bit():
     table = evaluate(Push(0.3), ToyEnvironment(diverge={(2, 1, 3)}), 9)
     again = EpisodeTable.from_json(json.loads(json.dumps(table.to_json())))

@@ -84,5 +84,5 @@ class Push:
     def __init__(self, strength: float):
         self.strength = strength
 
-    def act(self, observation, deterministic=True):
+    def act(self, observation, deterministic=True, costs=None):
         return np.full((len(observation), 1), self.strength)
