@@ -21,6 +21,7 @@ from guard_algos import trust_region
 from guard_algos.batch import Batch
 from guard_algos.config import CostLimits, OnPolicyConfig
 from guard_algos.gaussian import GaussianPolicy
+from guard_algos.margins import margins
 from guard_algos.on_policy import Method, OnPolicyAlgorithm, Problem
 from guard_algos.trust_region import LocalModel, Step, Trial
 
@@ -36,8 +37,7 @@ class Cpo(Method):
     """One constrained natural-gradient step with a line search per batch."""
 
     def __init__(self, config: CpoConfig, problem: Problem) -> None:
-        self._config = config
-        self._limits = [constraint.limit for constraint in problem.constraints]
+        self._config, self._constraints = config, problem.constraints
 
     def improve(self, policy: GaussianPolicy, theta: Tensor, batch: Batch, pool: Executor) -> dict[str, float]:
         """Raise the surrogate return while the surrogate costs hold, or lower the costs where they cannot."""
@@ -49,20 +49,11 @@ class Cpo(Method):
             pool,
             objective=trust_region.surrogate(batch.reward_advantage, batch.log_prob),
             costs=[trust_region.surrogate(advantage, batch.log_prob) for advantage in batch.cost_advantages.T],
-            margins=list(margins(batch, self._limits)),
+            margins=list(margins(batch, self._constraints)),
             direction=direction,
             accept=accept,
         )
         return report.row() | {"feasible": float(report.feasible)}
-
-
-def margins(batch: Batch, limits: list[float]) -> Array:
-    """Return c (K,): the excess of the mean episode cost over its limit, per step, as the surrogate costs are.
-
-    An episode's cost is undiscounted, the surrogate's advantage is discounted: the line search checks what that omits.
-    """
-    costs = batch.episodes.constrained_costs.mean(axis=0)
-    return (costs - np.array(limits)) / batch.episodes.length.mean()
 
 
 def direction(model: LocalModel) -> Step:
