@@ -19,7 +19,7 @@ from guard_api.physics.build import build_world
 from guard_api.physics.state import Array, Mask, State
 from guard_api.physics.transition import Snapshot, Transition, rotation_matrices
 from guard_api.scene.episode import EpisodeStarter
-from guard_api.scene.spec import SceneSpec
+from guard_api.scene.spec import BodyGroup, SceneSpec
 from guard_api.sensors.inertial import InertialSensors
 from guard_api.spec import EnvSpec
 from guard_api.suite import make_spec
@@ -93,6 +93,16 @@ class Environment:
     def duration(self) -> float:
         """Simulated time of one environment step [s]."""
         return self.substeps * self.robot.timestep
+
+    @property
+    def groups(self) -> tuple[BodyGroup, ...]:
+        """Every body group of the task and the constraints, phantoms included."""
+        return self._groups
+
+    @property
+    def snapshot(self) -> Snapshot:
+        """The present instant of every world: what tasks, constraints and pictures are made from."""
+        return self._now
 
     def reset(self, episode: int = 0, seed: int | None = None) -> Array:
         """Start every world at the beginning of its episode number `episode`; return the observations (N, O).
