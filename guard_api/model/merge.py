@@ -18,7 +18,7 @@ NO_INERTIA = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Body:
-    """Links held together by fixed joints, in the frame of the first, whose `name` and `place` they take.
+    """Links held together by fixed joints, in the frame of the first; `name` and `place` of the first not virtual.
 
     `members`: names of the links. `collisions`: each with the link it was written in.
     """
@@ -54,7 +54,7 @@ def compose(outer: Pose, inner: Pose) -> Pose:
 
 
 def merge_fixed(tree: Tree, problems: Problems) -> Merged:
-    """Return the ordered `tree` without fixed joints; every merge is noted.
+    """Return the ordered `tree` without fixed joints; every merge is noted, but those with virtual links.
 
     Inertias are combined about the common centre of mass; shapes keep their places. A link without mass properties
     adds none.
@@ -69,17 +69,22 @@ def merge_fixed(tree: Tree, problems: Problems) -> Merged:
         if joint.kind == "fixed":
             where[joint.child] = (body, origin)
             members[body].append(joint.child)
-            problems.note(f"fixed joint {joint.name!r}: link {joint.child!r} is merged into {body!r}")
+            if not links[joint.parent].virtual:
+                problems.note(f"fixed joint {joint.name!r}: link {joint.child!r} is merged into {body!r}")
         else:
             where[joint.child] = (joint.child, Pose())
             members[joint.child] = [joint.child]
             joints.append(replace(joint, parent=body, origin=origin))
     bodies = tuple(_body([(links[name], where[name][1]) for name in names]) for names in members.values())
-    return Merged(bodies=bodies, joints=tuple(joints), where=where)
+    called = {first: body.name for first, body in zip(members, bodies, strict=True)}
+    renamed = tuple(replace(joint, parent=called[joint.parent], child=called[joint.child]) for joint in joints)
+    return Merged(
+        bodies=bodies, joints=renamed, where={name: (called[body], pose) for name, (body, pose) in where.items()}
+    )
 
 
 def _body(parts: list[tuple[TreeLink, Pose]]) -> Body:
-    first = parts[0][0]
+    first = next((link for link, _ in parts if not link.virtual), parts[0][0])
     masses = [moved(link.properties, pose) for link, pose in parts if link.properties]
     return Body(
         name=first.name,

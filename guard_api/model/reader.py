@@ -13,7 +13,7 @@ from guard_api.model.problems import Problems
 from guard_api.model.references import check_references, place_actuators, place_frame, place_segments, place_sensors
 from guard_api.model.robot import Collision, Home, Joint, JointKind, Link, RobotModel
 from guard_api.model.sidefile import DEFAULT, SideFile, read_side_file
-from guard_api.model.tree import Tree, TreeJoint, TreeLink, ordered
+from guard_api.model.tree import Tree, TreeCollision, TreeJoint, TreeLink, ordered
 from guard_api.model.urdf import read_urdf
 
 SIDE_FILE = "robot.toml"
@@ -40,7 +40,7 @@ def read_robot(urdf: Path, side_file: Path | None = None, *, name: str | None = 
 
 def build_robot(tree: Tree, side: SideFile, problems: Problems) -> RobotModel:
     """Return the robot that `tree` and `side` describe. Raises ModelError with all `problems`, old ones included."""
-    written = {link.name for link in tree.links}
+    written = {link.name for link in tree.links if not link.virtual}
     tree, side = expand_balls(tree, side, problems)
     check_references(tree, side, problems)
     in_order = ordered(tree, problems)
@@ -116,7 +116,6 @@ def _check_mass(body: Body, carriers: set[str], side: SideFile, problems: Proble
 
 
 def _link(body: Body, side: SideFile) -> Link:
-    default = side.friction.get(DEFAULT, 1.0)
     return Link(
         name=body.name,
         mass=body.properties.mass,
@@ -126,12 +125,17 @@ def _link(body: Body, side: SideFile) -> Link:
             Collision(
                 shape=written.shape,
                 pose=written.pose,
-                friction=side.friction.get(written.name, side.friction.get(link, default)),
+                friction=_friction(link, written, side),
             )
             for link, written in body.collisions
         ),
         visuals=body.visuals,
     )
+
+
+def _friction(link: str, written: TreeCollision, side: SideFile) -> float:
+    names = (written.name, link, DEFAULT)
+    return next((side.friction[name] for name in names if name in side.friction), written.friction)
 
 
 def _joint(joint: TreeJoint, side: SideFile) -> Joint:

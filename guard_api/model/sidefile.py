@@ -103,9 +103,11 @@ class SideFile:
     """The contents of a `robot.toml`; None where a default depends on the robot.
 
     Links and joints are as named there: not checked yet, and a link may still be merged into another.
+    given: the keys that the file holds, those of `base` after a dot, which override what a robot file says.
     """
 
     place: str = "robot.toml"
+    given: frozenset[str] = frozenset()
     licence: str = ""
     keepout: float = 0.4
     timestep: float = 0.002
@@ -147,6 +149,7 @@ def read_side_file(path: Path, problems: Problems) -> SideFile:
     damping, armature, stiffness = (_triple(base, key, kind) for key in ("damping", "armature", "stiffness"))
     result = SideFile(
         place=str(path),
+        given=frozenset(data) | {f"base.{key}" for key in base},
         licence=top.text("licence", ""),
         keepout=top.number("keepout", 0.4, above=0.0),
         timestep=top.number("timestep", 0.002, above=0.0),

@@ -15,22 +15,30 @@ TreeJointKind: TypeAlias = Literal["fixed", "revolute", "continuous", "prismatic
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TreeCollision:
-    """A collision shape at `pose` in link axes; `name` (may be empty) is how a side file refers to it."""
+    """A collision shape at `pose` in link axes; `name` (may be empty) is how a side file refers to it.
+
+    friction: what the robot file says, for which the side file may have another.
+    """
 
     name: str
     shape: Shape
     pose: Pose
+    friction: float = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TreeLink:
-    """A link as written. `properties` in link axes, None when the file gives none; `place` is `file:line`."""
+    """A link as written. `properties` in link axes, None when the file gives none; `place` is `file:line`.
+
+    virtual: it only stands between the joints of a body that has several, and yields its name when merged with it.
+    """
 
     name: str
     place: str
     properties: MassProperties | None = None
     collisions: tuple[TreeCollision, ...] = ()
     visuals: tuple[Visual, ...] = ()
+    virtual: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
