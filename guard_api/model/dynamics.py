@@ -78,7 +78,7 @@ class Dynamics:
         return np.ascontiguousarray(self._mass_matrix(self._motions(poses), self._bodies(poses)).transpose(2, 0, 1))
 
     def bias_force(self, poses: LinkPoses, base_linear: Array, base_angular: Array, qd: Array) -> Array:
-        """Return the Coriolis, centrifugal and gravity force (N, D).
+        """Return the Coriolis, centrifugal and gravity force (N, D); springs belong to the actuation law.
 
         base_linear, base_angular: (N, 3) of the first link, read only if it floats. qd: (N, J).
         """
@@ -92,7 +92,8 @@ class Dynamics:
     ) -> Array:  # fmt: skip
         """Return the acceleration a (N, D): (M + h D) a = effort + J^T thrust - D qd - bias; no dry friction.
 
-        effort: (N, J) of the actuators; thrust: (N, T, 3) [N] of the thrust actuators in link axes; D: joint damping.
+        effort: (N, J) of actuators and springs; thrust: (N, T, 3) [N] of the thrust actuators in link axes; D: joint
+        damping.
         Where the matrix is singular or an input is not finite, that world's result is not finite; nothing is raised.
         """
         matrix, right = self.equations(

@@ -19,6 +19,24 @@ def test_a_planar_base_from_the_side_file(tmp_path: Path) -> None:
     assert not robot.collide_ground
 
 
+def test_a_planar_base_with_springs_that_walks_on_the_ground(tmp_path: Path) -> None:
+    toml = """
+    collide_ground = true
+    stiffness.default = 7.0
+    [base]
+    kind = "planar"
+    stiffness = [0.0, 0.5, 0.25]
+    rest_position = [0.0, -1.0, 2.0]
+    [home]
+    height = 0.7
+    """
+    robot = load(tmp_path, link("a"), link("b"), joint("j", "continuous", "a", "b", Z), toml=toml)
+    springs = [(item.stiffness, item.rest_position) for item in robot.joints]
+    assert springs == [(0.0, 0.0), (0.5, -1.0), (0.25, 2.0), (7.0, 0.0)]  # defaults are not for the base
+    assert robot.collide_ground
+    assert (robot.home.height, robot.joints[0].origin.position) == (0.7, (0.0, 0.0, 0.7))
+
+
 @pytest.mark.parametrize("kind", ["planar", "floating"])
 def test_a_base_from_the_urdf(kind: str, tmp_path: Path) -> None:
     free = joint("free", kind, "world", "a", Z, xyz="0 0 0.3")

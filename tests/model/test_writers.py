@@ -15,9 +15,10 @@ from guard_api import rotations
 from guard_api.errors import ModelError
 from guard_api.model.inertia import of_solids
 from guard_api.model.library import load_robot, load_robot_file, robot_names
-from guard_api.model.robot import Collision, Joint, Link, RobotModel
+from guard_api.model.robot import Collision, Frame, Joint, Link, RobotModel
 from guard_api.model.writers import mesh_files, rpy, to_side_file, to_urdf
 from guard_api.shapes import Mesh, Pose
+from tests.model.files import joint, link, load
 from tests.model.random_robots import quaternions, robots
 
 
@@ -100,6 +101,26 @@ def test_hulls_survive(seed: int) -> None:
     shape = again.links[0].collisions[0].shape
     assert isinstance(shape, Mesh)
     assert sorted(shape.vertices) == sorted(hull.vertices)
+
+
+def test_a_ball_survives(tmp_path: Path) -> None:
+    parts = link("a"), link("b"), joint("ball", "ball", "a", "b", xyz="1 0 0", rpy="1 2 3")
+    model = load(tmp_path, *parts, toml="armature.ball = 0.1\ndamping.ball_y = 0.2\nstiffness.ball = 0.3")
+    assert_same(model, round_trip(model, tmp_path))
+
+
+def test_frames_become_empty_links_with_free_joint_names() -> None:
+    links = Link(name="a", mass=1.0), Link(name="b", mass=1.0)
+    hinge = Joint(name="tip", kind="continuous", parent="a", child="b")
+    tip = Frame(name="tip", link="b", pose=Pose(position=(1.0, 0.0, 0.0)))
+    model = RobotModel(
+        name="m", base="fixed", root="a", links=links, joints=(hinge,), actuators=(), reference=tip, lidar=(tip,)
+    )
+    assert to_urdf(model).count('<link name="tip"/>') == 1
+    assert '<joint name="tip_frame" type="fixed">' in to_urdf(model)
+    for other in (replace(tip, name="a"), replace(tip, link="a")):
+        with pytest.raises(ModelError, match=f"frame '{other.name}' .* the name belongs to another place"):
+            to_urdf(replace(model, lidar=(other,)))
 
 
 def test_an_unlimited_slide_is_refused() -> None:
