@@ -34,7 +34,9 @@ def expand_balls(tree: Tree, side: SideFile, problems: Problems) -> tuple[Tree, 
             f"ball joint {joint.name!r} becomes the hinges {x!r}, {y!r}, {z!r}, which are singular where {y!r} "
             "stands at +-90 degrees"
         )
-    between = [TreeLink(name=name, place=joint.place) for joint in balls for name in ball_hinges(joint.name)[:2]]
+    between = [
+        TreeLink(name=name, place=joint.place, virtual=True) for joint in balls for name in ball_hinges(joint.name)[:2]
+    ]
     joints = [part for joint in tree.joints for part in (_hinges(joint) if joint.kind == "ball" else (joint,))]
     names = [joint.name for joint in balls]
     tree = replace(tree, links=(*tree.links, *between), joints=tuple(joints))

@@ -40,8 +40,8 @@ def read_robot(urdf: Path, side_file: Path | None = None, *, name: str | None = 
 
 def build_robot(tree: Tree, side: SideFile, problems: Problems) -> RobotModel:
     """Return the robot that `tree` and `side` describe. Raises ModelError with all `problems`, old ones included."""
-    written = {link.name for link in tree.links if not link.virtual}
     tree, side = expand_balls(tree, side, problems)
+    written = {link.name for link in tree.links if not link.virtual}
     check_references(tree, side, problems)
     in_order = ordered(tree, problems)
     if in_order is None:
