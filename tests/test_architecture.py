@@ -22,7 +22,7 @@ ENGINES = {"mujoco", "pybullet", "sapien", "torch"}
 # A package may import those below it in this list, never above.
 LAYERS = [
     {"cli"},
-    {"measure", "gym"},
+    {"measure", "gym", "viewer"},
     {"env"},
     {"suite", "runs", "algorithm", "testing"},
     {"spec"},

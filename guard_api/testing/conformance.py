@@ -79,11 +79,24 @@ def run_conformance(
     declared gaps run all the same; those that need contacts do not run on a backend without any, and say so.
     Raises SpecError for an unknown clause.
     """
+    return _run(backend, [*ALL, *(item for robot in robots for item in robot_checks(robot))], clauses)
+
+
+def check_robots(
+    backend: Backend, robots: Iterable[RobotModel], clauses: Iterable[str] | None = None
+) -> ConformanceReport:
+    """Run only the checks of `robots` on `backend`: is what the engine holds the robot of the model?
+
+    Their results are named `check:robot`. Raises SpecError for an unknown clause.
+    """
+    return _run(backend, [item for robot in robots for item in robot_checks(robot)], clauses)
+
+
+def _run(backend: Backend, checks: Iterable[Check], clauses: Iterable[str] | None) -> ConformanceReport:
     wanted = tuple(clauses) if clauses is not None else CLAUSES
     for clause in wanted:
         if clause not in CLAUSES:
             raise unknown_name("conformance clause", clause, CLAUSES)
-    checks = [*ALL, *(item for robot in robots for item in robot_checks(robot))]
     results = [run_check(backend, item) for item in checks if item.clause in wanted]
     results += _foreign_gaps(backend.capabilities)
     return ConformanceReport(
