@@ -15,7 +15,7 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class State:
-    """The state of N worlds after a reset or step. N worlds, J joints, L links, B bodies, K touch links.
+    """The state of N worlds after a reset or step. N worlds, J joints, L links, B bodies, K touch sensors.
 
     The arrays belong to the caller: no later call to the world changes them.
 
@@ -27,8 +27,8 @@ class State:
     body_position (N, B, 3), body_quaternion (N, B, 4), body_linear_velocity, body_angular_velocity (N, B, 3): likewise;
     a body's frame is at its centre of mass.
     body_contact: (N, B) whether the robot touched the body in any substep of the last step; False after a reset.
-    touch: (N, K) [N] normal contact force on each touch link from everything that is not the robot, averaged over the
-    substeps of the last step; 0 after a reset.
+    touch: (N, K) [N] normal contact force on each of `RobotModel.touch_sensors` from everything that is not the robot,
+    averaged over the substeps of the last step (see `guard_api.physics.touch`); 0 after a reset.
     ok: (N,) False once a world's numbers became non-finite or its engine gave up; stays False until reset.
     """
 
@@ -95,7 +95,7 @@ def state_shapes(scene: SceneSpec, num_worlds: int) -> dict[str, tuple[int, ...]
     robot = scene.robot
     num_joints = len(robot.joints) if robot else 0
     num_links = len(robot.links) if robot else 0
-    num_touch = len(robot.touch_links) if robot else 0
+    num_touch = len(robot.touch_sensors) if robot else 0
     axes = {
         "time": (), "ok": (),
         "joint_position": (num_joints,), "joint_velocity": (num_joints,), "joint_effort": (num_joints,),

@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
-from guard_api.model.robot import Actuator, Collision, Home, Joint, Link, RobotModel
-from guard_api.shapes import Box, Capsule, Matrix3, Pose, Sphere, Vector3
+import numpy as np
+from numpy.typing import NDArray
+
+from guard_api import rotations
+from guard_api.model.inertia import as_vector, of_solids
+from guard_api.model.robot import Actuator, Collision, Home, Joint, Link, RobotModel, Sensor
+from guard_api.shapes import Box, Capsule, Matrix3, Pose, Shape, Sphere, Vector3
 
 _TO_X = Pose(quaternion=(0.5**0.5, 0.0, 0.5**0.5, 0.0))
 """A frame whose z axis is the link's x axis: capsules lie along x."""
@@ -101,7 +107,7 @@ def planar_point() -> RobotModel:
         links=tuple(links),
         joints=tuple(joints),
         actuators=(_motor("base_x", 1.0), _motor("base_y", 1.0), _motor("base_yaw", 0.05)),
-        touch_links=("robot",),
+        sensors=(touch_sensor("robot"),),
         home=Home(height=0.1),
         collide_ground=False,
     )
@@ -145,6 +151,39 @@ def floating_tree() -> RobotModel:
     return _robot("floating_tree", links, joints, actuators, height=1.0, base="floating")
 
 
+def ant(*, friction: float = 0.75, armature: float = 1.0, damping: float = 1.0, density: float = 5.0) -> RobotModel:
+    """Return GUARD's ant: 13.6 g on four feet, moved by eight rotors of 1 kg m^2 that outweigh it a thousand times.
+
+    The torso is 4.5 g with four legs of 0.6 g; on each hang a hip of 0.6 g and a shin of 1.1 g. The home pose stands
+    on the four feet, ankles at 30 degrees: the torso's centre is 9 cm high.
+    Source: the masses, places, ranges and gears of GUARD's ant.xml.
+    """
+    corners = [np.array([x, y, 0.0]) for x, y in ((1, 1), (-1, 1), (-1, -1), (1, -1))]
+    legs = [_capsule(0.05 * corner) for corner in corners]
+    links = [_solid("torso", [(Sphere(radius=0.06), Pose()), *legs], density, friction)]
+    joints = []
+    for number, corner in enumerate(corners, start=1):
+        hip, shin, place = f"hip_link_{number}", f"shin_{number}", as_vector(0.05 * corner)
+        bend, up = as_vector(np.cross([0.0, 0.0, 1.0], corner) / 2**0.5), (0.0, 0.0, 1.0)
+        links += [_solid(hip, [_capsule(0.05 * corner)], density, friction)]
+        links += [_solid(shin, [_capsule(0.1 * corner)], density, friction)]
+        for name, parent, child, axis, limits in (
+            (f"hip_{number}", "torso", hip, up, (-30.0, 30.0)),
+            (f"ankle_{number}", hip, shin, bend, (30.0, 70.0)),
+        ):
+            joints.append(
+                Joint(
+                    name=name, kind="revolute", parent=parent, child=child, origin=Pose(position=place), axis=axis,
+                    limits=(np.deg2rad(limits[0]), np.deg2rad(limits[1])), armature=armature, damping=damping,
+                )
+            )  # fmt: skip
+    motors = [_motor(joint.name, 30.0) for joint in joints]
+    robot = _robot("ant", links, joints, motors, height=0.02 + 0.1 * 2**0.5 * 0.5, base="floating")
+    home = {joint.name: np.deg2rad(30.0) for joint in joints if joint.name.startswith("ankle")}
+    feet = tuple(sensor for sensor in robot.sensors if str(sensor.link).startswith("shin"))
+    return replace(robot, home=replace(robot.home, joint_position=home), sensors=feet, timestep=0.02)
+
+
 _MOUNT = Link(name="mount", mass=1.0, inertia=((0.01, 0.0, 0.0), (0.0, 0.01, 0.0), (0.0, 0.0, 0.01)))
 
 
@@ -159,7 +198,7 @@ def _robot(
         links=tuple(links),
         joints=tuple(joints),
         actuators=tuple(actuators),
-        touch_links=tuple(link.name for link in links if link.collisions),
+        sensors=tuple(touch_sensor(link.name) for link in links if link.collisions),
         home=Home(height=height),
     )
 
@@ -173,6 +212,13 @@ def _hinge(
         name=name, kind="continuous", parent=parent, child=child, origin=origin, axis=axis, damping=damping,
         armature=armature,
     )  # fmt: skip
+
+
+def touch_sensor(
+    link: str, *, place: Vector3 = (0.0, 0.0, 0.0), radius: float = float("inf"), name: str = "touch"
+) -> Sensor:
+    """Return a sensor of what touches `link` within `radius` [m] of `place` in its axes, or anywhere on it."""
+    return Sensor(name=f"{name}_{link}", kind="touch", link=link, pose=Pose(position=place), radius=radius)
 
 
 def _motor(joint: str, gear: float) -> Actuator:
@@ -189,6 +235,20 @@ def _rod(name: str, length: float, mass: float, *, down: bool) -> Link:
         com, inertia, turn = (length / 2, 0.0, 0.0), _diagonal(along, across, across), _TO_X
     shape = Collision(shape=capsule, pose=Pose(position=com, quaternion=turn.quaternion))
     return Link(name=name, mass=mass, com=com, inertia=inertia, collisions=(shape,))
+
+
+def _solid(name: str, shapes: list[tuple[Shape, Pose]], density: float, friction: float) -> Link:
+    """Return a link that is `shapes` of uniform `density` [kg/m^3], which also touch things."""
+    body = of_solids(shapes, density)
+    collisions = tuple(Collision(shape=shape, pose=pose, friction=friction) for shape, pose in shapes)
+    return Link(name=name, mass=body.mass, com=body.com, inertia=body.inertia, collisions=collisions)
+
+
+def _capsule(end: NDArray[np.float64]) -> tuple[Shape, Pose]:
+    """Return a capsule of radius 0.02 m whose axis runs from the origin to the horizontal `end` (3,), and its pose."""
+    length = float(np.linalg.norm(end))
+    w, x, y, z = rotations.from_axis_angle(np.cross([0.0, 0.0, 1.0], end) / length, np.array(np.pi / 2)).tolist()
+    return Capsule(radius=0.02, half_length=length / 2), Pose(position=as_vector(end / 2), quaternion=(w, x, y, z))
 
 
 def _diagonal(x: float, y: float, z: float) -> Matrix3:

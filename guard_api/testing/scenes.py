@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from guard_api import rotations
-from guard_api.model.robot import Actuator, BaseKind, Collision, Joint, JointKind, Link, RobotModel
+from guard_api.model.robot import Actuator, BaseKind, Collision, Joint, JointKind, Link, RobotModel, Sensor
 from guard_api.physics.backend import Backend, World
 from guard_api.physics.state import Start, State
 from guard_api.scene.spec import BodyGroup, BodySpec, SceneSpec
 from guard_api.scene.start import home_start
 from guard_api.shapes import Box, Matrix3, Pose, Sphere, Vector3
+from guard_api.testing.robots import touch_sensor
 
 WEIGHTLESS: Vector3 = (0.0, 0.0, 0.0)
 TIMESTEP = 0.002
@@ -78,7 +79,7 @@ def one_joint(
 ) -> RobotModel:
     """Return a welded root with one moving link: a slider or hinge about `axis`, `inertia` isotropic about the com.
 
-    A link with collisions is a touch link.
+    A link with collisions feels touch anywhere on it.
     """
     tip = Link(name="tip", mass=mass, com=com, inertia=diagonal(inertia, inertia, inertia), collisions=collisions)
     return RobotModel(
@@ -88,7 +89,7 @@ def one_joint(
         links=(Link(name="root", mass=1.0, inertia=diagonal(0.01, 0.01, 0.01)), tip),
         joints=(Joint(name="joint", kind=kind, parent="root", child="tip", axis=axis, **joint),),
         actuators=actuators,
-        touch_links=("tip",) if collisions else (),
+        sensors=(touch_sensor("tip"),) if collisions else (),
     )
 
 
@@ -110,7 +111,7 @@ def loose_link(
     collisions: tuple[Collision, ...] = (),
     actuators: tuple[Actuator, ...] = (),
 ) -> RobotModel:
-    """Return a floating robot of a single link, which is a touch link if it has collisions."""
+    """Return a floating robot of a single link, which feels touch anywhere if it has collisions."""
     hull = Link(name="hull", mass=mass, com=com, inertia=diagonal(inertia, inertia, inertia), collisions=collisions)
     return RobotModel(
         name="loose_link",
@@ -119,7 +120,7 @@ def loose_link(
         links=(hull,),
         joints=(),
         actuators=actuators,
-        touch_links=("hull",) if collisions else (),
+        sensors=(touch_sensor("hull"),) if collisions else (),
     )
 
 
@@ -134,7 +135,7 @@ def planar_ball(height: float) -> RobotModel:
         links=(*links, hull),
         joints=tuple(joints),
         actuators=(),
-        touch_links=("hull",),
+        sensors=(touch_sensor("hull"),),
         collide_ground=False,
     )
 
@@ -159,6 +160,23 @@ def pusher(actuators: tuple[Actuator, ...] = (), *, friction: float = 1.0, **joi
     """Return a ball on a slider along x, half a metre above the floor: its centre is at (q, 0, 0.5)."""
     origin = Pose(position=(0.0, 0.0, 0.5))
     return one_joint(collisions=(ball(friction),), actuators=actuators, origin=origin, **joint)
+
+
+def gantry(mass: float, collision: Collision) -> RobotModel:
+    """Return a link of `mass` [kg] on a vertical slider that a cart carries along x, `RADIUS` above the floor."""
+    lift = one_joint(axis=(0.0, 0.0, 1.0), mass=mass, com=(0.02, 0.0, -0.02), collisions=(collision,))
+    cart = Link(name="cart", mass=1.0, inertia=diagonal(0.01, 0.01, 0.01))
+    rail = Joint(
+        name="rail", kind="prismatic", parent="root", child="cart", axis=(1.0, 0.0, 0.0),
+        origin=Pose(position=(0.0, 0.0, RADIUS)),
+    )  # fmt: skip
+    root, tip = lift.links
+    return replace(lift, links=(root, cart, tip), joints=(rail, replace(lift.joints[0], parent="cart")))
+
+
+def with_sensors(robot: RobotModel, *sensors: Sensor) -> RobotModel:
+    """Return `robot` with more sensors."""
+    return replace(robot, sensors=(*robot.sensors, *sensors))
 
 
 def body(physics: str = "dynamic", *, half: float = RADIUS, sphere: bool = False, **values: Any) -> BodySpec:

@@ -68,7 +68,8 @@ def ant(armature=1.0, timestep=0.002):
     actuators = tuple(Actuator(name=j.name, law="effort", joint=j.name, gear=30.0) for j in joints)
     return RobotModel(
         name="ant", base="floating", root="torso", links=tuple(links), joints=tuple(joints), actuators=actuators,
-        touch_links=tuple(f"shin{i}" for i in range(4)), home=Home(height=0.2, joint_position=home), timestep=timestep,
+        sensors=tuple(robots.touch_sensor(f"shin{i}") for i in range(4)),
+        home=Home(height=0.2, joint_position=home), timestep=timestep,
     )  # fmt: skip
 
 
@@ -295,7 +296,7 @@ def test_hulls_and_unions_of_shapes_carry_weight():
     link = Link(name="hull", mass=1.0, com=(0.25, 0, 0), inertia=((0.1, 0, 0), (0, 0.1, 0), (0, 0, 0.1)),
                 collisions=union)  # fmt: skip
     robot = RobotModel(name="union", base="floating", root="hull", links=(link,), joints=(), actuators=(),
-                       touch_links=("hull",))  # fmt: skip
+                       sensors=(robots.touch_sensor("hull"),))  # fmt: skip
     scene = bodies_scene(("crate", replace(body(), shape=mesh), 1), robot=robot)
     with running(backend, scene, base_position=(0, 0, 0.11), body_position=(0, 3, 0.11)) as world:
         world.step(idle(world), 500)

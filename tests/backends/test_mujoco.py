@@ -16,7 +16,7 @@ from guard_api.model.robot import Actuator, Collision, Joint, Link, RobotModel
 from guard_api.scene.spec import BodyGroup, BodySpec, SceneSpec
 from guard_api.scene.start import home_start, place_robot
 from guard_api.shapes import Box, Mesh, Pose, Sphere
-from guard_api.testing.robots import floating_body, floating_tree, planar_point, three_link_arm
+from guard_api.testing.robots import floating_body, floating_tree, planar_point, three_link_arm, touch_sensor
 
 mujoco = pytest.importorskip("mujoco")
 backend = pytest.importorskip("guard_mujoco").backend
@@ -183,10 +183,10 @@ def test_only_driven_groups_are_driven(group, message):
         build(driven_scene()).drive(group, np.zeros((1, 1, 3)), np.zeros((1, 1, 4)))
 
 
-@pytest.mark.parametrize("touch_links", [(), ("body",)])
-def test_a_nan_is_noticed_frozen_and_leaves_no_file(tmp_path, monkeypatch, touch_links):
+@pytest.mark.parametrize("sensors", [(), (touch_sensor("body"),)])
+def test_a_nan_is_noticed_frozen_and_leaves_no_file(tmp_path, monkeypatch, sensors):
     monkeypatch.chdir(tmp_path)
-    scene = SceneSpec(robot=replace(floating_body(), touch_links=touch_links))
+    scene = SceneSpec(robot=replace(floating_body(), sensors=sensors))
     start, world = home_start(scene, 3), build(scene, 3, threads=2)
     world.reset(np.ones(3, bool), start)
     world.step(np.zeros((3, 2)), 5)
@@ -207,20 +207,20 @@ def test_a_nan_is_noticed_frozen_and_leaves_no_file(tmp_path, monkeypatch, touch
 
 def test_touch_leaves_out_what_the_robot_does_to_itself():
     """Two arms pressed together by their motors feel nothing."""
-    robot = floating_tree()
-    ends = ("left_lower", "right_lower")
-    robot = replace(robot, touch_links=ends)
+    whole = tuple(touch_sensor(link) for link in ("left_lower", "right_lower"))
+    ends = tuple(replace(sensor, name=f"end_{sensor.link}", radius=0.3) for sensor in whole)
+    robot = replace(floating_tree(), sensors=(*whole, *ends))
     scene = SceneSpec(robot=robot, gravity=(0.0, 0.0, 0.0))
     press = np.array([-1.0, 0.0, 1.0, 0.0])
     world = build(scene)
     state = run(world, home_start(scene, 1), 100, press)
-    assert (world._recorded[0, -1, :2] > 0.1).all()  # the engine's own touch sensors feel it
-    assert state.touch.tolist() == [[0.0, 0.0]]
+    assert (world._batch.get_data(0).sensordata[:4] > 0.1).all()  # the engine's own touch sensors feel it
+    assert state.touch.tolist() == [[0.0] * 4]
 
 
 def test_touching_robot_links_are_told_from_bodies():
     scene = SceneSpec(
-        robot=replace(floating_body(thrusters=False), touch_links=("body",)),
+        robot=replace(floating_body(thrusters=False), sensors=(touch_sensor("body"),)),
         groups=(
             BodyGroup(name="near", body=body("dynamic"), count=1),
             BodyGroup(name="far", body=body("static"), count=1),

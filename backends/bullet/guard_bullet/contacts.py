@@ -3,62 +3,110 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
+from guard_api.physics.touch import LinkContacts, TouchSensors
 from guard_api.scene.spec import SceneSpec
 from guard_bullet.compile import Instance
 from guard_bullet.engine import pybullet
-from guard_bullet.robot import BASE
+from guard_bullet.robot import BASE, base_frame
+from guard_bullet.shapes import xyzw
 
-# Fields of one contact point as the engine reports it.
-_BODY, _LINK, _DISTANCE, _FORCE = 2, 3, 8, 9
+# Fields of one contact point as the engine reports it; the normal points into the first body, here the robot.
+_BODY, _LINK, _ON_ROBOT, _ON_OTHER, _NORMAL, _DISTANCE, _FORCE = 2, 3, 5, 6, 7, 8, 9
+
+_FRAME = 13
+"""Numbers of a link's motion: position, quaternion (x, y, z, w), velocity of its centre of mass, angular velocity."""
+
+_NOWHERE, _STILL = (0.0,) * _FRAME, (0.0,) * 6
 
 
 class ContactLog:
-    """Sums normal forces on the touch links and notes the bodies that were touched.
+    """Sums normal forces on the touch sensors and notes the bodies that were touched.
 
-    touch: (N, K) [N] mean over the substeps so far; body_contact: (N, B).
+    touch: (N, K) [N] mean over the substeps of the last step; body_contact: (N, B).
     """
 
     def __init__(self, scene: SceneSpec, num_worlds: int) -> None:
         robot = scene.robot
-        touch_links = robot.touch_links if robot else ()
+        self._sensors = TouchSensors(robot)
+        self._timestep = scene.timestep
         solid = robot is not None and any(link.collisions for link in robot.links)
-        self._column = {robot.link_index(n) + BASE: k for k, n in enumerate(touch_links)} if robot else {}
-        self.needed = solid and bool(touch_links or scene.num_bodies)
-        self._force = np.zeros((num_worlds, len(touch_links)))
-        self._substeps = np.zeros(1, np.int64)
+        self.needed = solid and bool(len(self._sensors) or scene.num_bodies)
+        self.touch = np.zeros((num_worlds, len(self._sensors)))
         self.body_contact = np.zeros((num_worlds, scene.num_bodies), bool)
-
-    @property
-    def touch(self) -> np.ndarray:
-        """Mean normal force on each touch link over the substeps since `begin`: (N, K) [N]."""
-        return self._force / max(int(self._substeps[0]), 1)
+        self._rows: list[tuple[float, ...]] = []
+        self._substeps = 0
+        # A floating base is held by its centre of mass and principal axes.
+        floating = robot is not None and robot.floating
+        com = robot.links[0].com if robot and floating else (0.0, 0.0, 0.0)
+        axes = xyzw(base_frame(robot).quaternion) if robot else (0.0, 0.0, 0.0, 1.0)
+        self._base_link = pybullet.invertTransform(com, axes)
 
     def begin(self) -> None:
         """Forget the last step."""
-        self._force[:], self.body_contact[:], self._substeps[:] = 0.0, False, 0
+        self.touch[:], self.body_contact[:], self._substeps = 0.0, False, 0
 
-    def clear(self, mask: np.ndarray) -> None:
+    def clear(self, mask: NDArray[np.bool_]) -> None:
         """Forget the last step of the worlds where `mask` is true."""
-        self._force[mask], self.body_contact[mask] = 0.0, False
+        self.touch[mask], self.body_contact[mask] = 0.0, False
 
     def collect(self, worlds: list[int], instances: list[Instance]) -> None:
-        """Add the contacts of the substep just made in `worlds`; `instances` are all N engine instances."""
-        self._substeps[0] += 1
+        """Note the contacts of the substep just made in `worlds`; `instances` are all N engine instances."""
+        self._substeps += 1
+        sensed = self._sensors.links
         for world in worlds:
             instance = instances[world]
-            robot = instance.robot
+            robot, frames = instance.robot, {}
             for point in pybullet.getContactPoints(robot, physicsClientId=instance.client):
-                other = point[_BODY]
+                other, force = point[_BODY], point[_FORCE]
                 if other == robot:
                     continue
-                column = self._column.get(point[_LINK])
-                if column is not None:
-                    self._force[world, column] += point[_FORCE]
+                link = point[_LINK] - BASE
+                if force > 0.0 and link in sensed:
+                    if link not in frames:
+                        frames[link] = self._frame(instance, link)
+                    place = (*point[_ON_ROBOT], *point[_ON_OTHER], *point[_NORMAL])
+                    self._rows.append((world, link, force, *place, *frames[link]))
                 # Points that are merely near are listed too, apart and without force.
-                if other in instance.bodies and (point[_FORCE] > 0.0 or point[_DISTANCE] <= 0.0):
+                if other in instance.bodies and (force > 0.0 or point[_DISTANCE] <= 0.0):
                     self.body_contact[world, instance.bodies.index(other)] = True
 
-    def arrays(self) -> dict[str, np.ndarray]:
+    def finish(self) -> None:
+        """Put the contacts of all substeps since `begin` through the rule of the touch sensors."""
+        if not self._rows:
+            return
+        rows = np.array(self._rows)
+        self._rows.clear()
+        place, frame = rows[:, 3:12], rows[:, 12:]
+        contacts = LinkContacts(
+            world=rows[:, 0].astype(np.intp),
+            link=rows[:, 1].astype(np.intp),
+            force=rows[:, 2],
+            point=0.5 * (place[:, 0:3] + place[:, 3:6]),
+            normal=-place[:, 6:9],
+            position=frame[:, 0:3],
+            quaternion=frame[:, [6, 3, 4, 5]],
+            com_velocity=frame[:, 7:10],
+            angular_velocity=frame[:, 10:13],
+            age=self._timestep,  # contacts are found before the engine moves the base
+        )
+        self.touch[:] = self._sensors.force(contacts, len(self.touch)) / self._substeps
+
+    def arrays(self) -> dict[str, NDArray]:
         """Return what a snapshot keeps, by name."""
-        return {"force": self._force, "force_substeps": self._substeps, "body_contact": self.body_contact}
+        return {"touch": self.touch, "body_contact": self.body_contact}
+
+    def _frame(self, instance: Instance, link: int) -> tuple[float, ...]:
+        """Return the motion of a link (see `_FRAME`) where it decides what a sensor counts."""
+        if link not in self._sensors.located:
+            return _NOWHERE
+        robot, client = instance.robot, instance.client
+        if link > 0:
+            # The engine still has the frames in which it looked for contacts: no velocity is needed to go back to them.
+            position, quaternion = pybullet.getLinkState(robot, link + BASE, physicsClientId=client)[4:6]
+            return (*position, *quaternion, *_STILL)
+        pose = pybullet.getBasePositionAndOrientation(robot, client)
+        position, quaternion = pybullet.multiplyTransforms(*pose, *self._base_link)
+        linear, angular = pybullet.getBaseVelocity(robot, client)
+        return (*position, *quaternion, *linear, *angular)

@@ -22,7 +22,7 @@ _ENGINE, _SIZES, _SCENE = "engine_states", "engine_sizes", "scene"
 
 def fingerprint(scene: SceneSpec, num_worlds: int) -> str:
     """Return what two worlds must share for one to restore the other's snapshot."""
-    return hashlib.sha256(f"guard_bullet 1 {num_worlds} {scene!r}".encode()).hexdigest()
+    return hashlib.sha256(f"guard_bullet 2 {num_worlds} {scene!r}".encode()).hexdigest()
 
 
 def pack(identity: str, instances: list[Instance], arrays: Mapping[str, NDArray]) -> bytes:

@@ -66,6 +66,7 @@ class BulletWorld:
             self._substep()
             if self._contacts.needed:
                 self._contacts.collect(self._active(), self._instances)
+        self._contacts.finish()
         worlds = self._active()
         self._bodies.arrive(worlds, self._instances)
         self._bodies.read(worlds, self._instances)
@@ -113,7 +114,7 @@ class BulletWorld:
             body_linear_velocity=bodies.linear.copy(),
             body_angular_velocity=bodies.angular.copy(),
             body_contact=self._contacts.body_contact.copy(),
-            touch=self._contacts.touch,
+            touch=self._contacts.touch.copy(),
             ok=self._ok.copy(),
         )
 

@@ -1,6 +1,7 @@
 """Contact over a whole step: touch forces and which bodies the robot touched, through MuJoCo's sensors.
 
-Sensors are the only way to see contacts in a batch; their values are recorded at every substep.
+Sensors are the only way to see contacts in a batch. The engine keeps the last values of each in a ring, one for every
+substep of an environment step, so that nothing has to be fetched in between.
 """
 
 # MuJoCo is a compiled module without type stubs.
@@ -8,6 +9,7 @@ Sensors are the only way to see contacts in a batch; their values are recorded a
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import mujoco
@@ -15,16 +17,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from guard_api.errors import BackendError
-from guard_api.model.robot import RobotModel
+from guard_api.model.robot import RobotModel, Sensor
+from guard_api.physics.touch import counts
 from guard_api.scene.spec import SceneSpec
 from guard_mujoco.contact import Role, Surface
+from guard_mujoco.history import Columns, Window, columns_of
 from guard_mujoco.robot import link_body, neighbours
 
+Array = NDArray[np.float64]
+
 OWN_CONTACTS = 4
-"""Strongest contacts of a touch link with other links of the robot that are taken out of its touch force."""
+"""Strongest contacts of a link with other links of the robot that are taken out of what its touch sensors read."""
 
 EVERYWHERE = 1e4
-"""Radius [m] about the link inside which a contact counts as touching it."""
+"""Radius [m] of a touch sensor without one: every contact of the link is inside it."""
 
 ROUNDING = 1e-9
 """Share of a touch force below which it is the rounding of its parts."""
@@ -32,94 +38,138 @@ ROUNDING = 1e-9
 BODY_ROLES: frozenset[Role] = frozenset({"static", "driven", "dynamic"})
 
 _FOUND = 1 << int(mujoco.mjtConDataField.mjCONDATA_FOUND)
-_FORCE = 1 << int(mujoco.mjtConDataField.mjCONDATA_FORCE)
+# What is known of each contact with the robot itself: 3 numbers each, the normal force first.
+_FORCE_POINT_NORMAL = sum(
+    1 << int(item)
+    for item in (
+        mujoco.mjtConDataField.mjCONDATA_FORCE,
+        mujoco.mjtConDataField.mjCONDATA_POS,
+        mujoco.mjtConDataField.mjCONDATA_NORMAL,
+    )
+)
 _UNSORTED, _STRONGEST = 0, 2
 
-NONE = np.empty(0, np.intp)
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OwnContacts:
+    """The strongest contacts of a touch sensor's link with the robot itself; C = `OWN_CONTACTS`.
+
+    sensor: number k of the touch sensor. force: columns of C normal forces [N], the strongest first. point, normal:
+    columns of C points [m] and normals out of the link. place: columns of where the sensor is [m].
+    """
+
+    sensor: int
+    force: Columns
+    point: Columns
+    normal: Columns
+    place: Columns
+    radius: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContactReadout:
-    """Columns of the sensor data.
+    """Where contact is found in the engine's rings of sensor values.
 
-    num_touch: number K of touch links; they have no sensors in a scene where nothing can touch them.
-    touch: all normal force on each touch link. own: for the c-th strongest contact of a link with the robot itself,
-    the columns of the normal force, (OWN_CONTACTS, k), on the touch links number own_link (k,).
-    found: number of contacts of the robot with each of the B bodies.
+    num_touch: number K of touch sensors; they do not exist in the engine where nothing can touch the robot.
+    samples: substeps that the rings hold; 0 without sensors. touch: columns of all normal force on each touch sensor.
+    found: columns of the number of contacts with each of the B bodies. own: what is known of contacts with the robot
+    itself; own_strongest: columns of the largest such force on every link concerned, which is nearly always 0.
     """
 
     num_touch: int
-    touch: slice
-    own: NDArray[np.intp]
-    own_link: NDArray[np.intp]
-    found: slice
+    samples: int
+    touch: Columns
+    found: Columns
+    own: tuple[OwnContacts, ...]
+    own_strongest: Columns
 
     @property
     def any(self) -> bool:
-        """Whether there is anything to record."""
-        return self.found.stop > 0
+        """Whether there is anything to read."""
+        return self.samples > 0
 
-    def read(self, recorded: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """Return touch (n, K) [N], the mean over substeps, and body_contact (n, B), from recorded (n, substeps, S)."""
-        substeps = recorded.shape[1]
-        total = recorded[:, 0].copy()
-        for k in range(1, substeps):  # in this order for any number of worlds, which numpy's own sum does not promise
-            total += recorded[:, k]
-        touch = total[:, self.touch].copy()
-        if len(self.own_link):
-            for columns in self.own:
-                touch[:, self.own_link] -= total[:, columns]
-            # What is left of a force that was all the robot's own is the rounding of two sums.
-            touch[touch < ROUNDING * total[:, self.touch]] = 0.0
-        return touch / substeps, total[:, self.found] > 0.0
+    def portions(self, substeps: int) -> Iterator[int]:
+        """Yield numbers of substeps, `substeps` in all, none more than the rings hold."""
+        while substeps > 0:
+            portion = min(substeps, self.samples)
+            yield portion
+            substeps -= portion
+
+    def read(self, history: Array, substeps: int) -> tuple[Array, NDArray[np.bool_]]:
+        """Return touch (n, K) [N], summed, and body_contact (n, B) of the last `substeps` in `history` (n, H)."""
+        window = Window(history, substeps, self.samples)
+        touch, found = window.sum(self.touch), window.sum(self.found) > 0.0
+        if not self.own or not window.read(self.own_strongest).any():
+            return touch, found
+        every = touch.copy()
+        for own in self.own:
+            touch[:, own.sensor] -= _counted(window, own)
+        # What is left of a force that was all the robot's own is the rounding of two sums.
+        touch[touch < ROUNDING * every] = 0.0
+        return touch, found
 
 
 def add_contact_sensors(spec: mujoco.MjSpec, scene: SceneSpec, surfaces: list[Surface]) -> None:
-    """Add, in this order: K touch sensors, the robot's contacts with itself, B sensors of contact with bodies."""
+    """Add K touch sensors, sensors of the robot's contacts with itself and of where they matter, and B of bodies."""
     robot = scene.robot
     roles = {surface.role for surface in surfaces}
     if robot is None or not (roles & BODY_ROLES or {"ground", "robot"} <= roles):
         return  # nothing but itself that the robot could touch
-    for name in robot.touch_links:
-        _add_touch(spec, robot, name)
+    touch = robot.touch_sensors
+    for number, sensor in enumerate(touch):
+        _add_touch(spec, robot, number, sensor)
     root = link_body(robot.links[0].name)
-    for name in _self_touching(robot):
+    for link in _self_touching(robot):
         spec.add_sensor(
+            name=f"own/{link}",
             type=mujoco.mjtSensor.mjSENS_CONTACT,
-            intprm=[_FORCE, _STRONGEST, OWN_CONTACTS],
+            intprm=[_FORCE_POINT_NORMAL, _STRONGEST, OWN_CONTACTS],
             objtype=mujoco.mjtObj.mjOBJ_BODY,
-            objname=link_body(name),
+            objname=link_body(link),
             reftype=mujoco.mjtObj.mjOBJ_XBODY,
             refname=root,
         )
-    for surface in surfaces:
-        if surface.role in BODY_ROLES:
+        for number in (k for k, sensor in enumerate(touch) if sensor.link == link):
             spec.add_sensor(
-                type=mujoco.mjtSensor.mjSENS_CONTACT,
-                intprm=[_FOUND, _UNSORTED, 1],
-                objtype=mujoco.mjtObj.mjOBJ_XBODY,
-                objname=root,
-                reftype=mujoco.mjtObj.mjOBJ_GEOM,
-                refname=surface.geom,
+                name=f"place/{number}",
+                type=mujoco.mjtSensor.mjSENS_FRAMEPOS,
+                objtype=mujoco.mjtObj.mjOBJ_SITE,
+                objname=f"touch/{number}",
             )
+    bodies = [surface for surface in surfaces if surface.role in BODY_ROLES]
+    for number, surface in enumerate(bodies):
+        spec.add_sensor(
+            name=f"found/{number}",
+            type=mujoco.mjtSensor.mjSENS_CONTACT,
+            intprm=[_FOUND, _UNSORTED, 1],
+            objtype=mujoco.mjtObj.mjOBJ_XBODY,
+            objname=root,
+            reftype=mujoco.mjtObj.mjOBJ_GEOM,
+            refname=surface.geom,
+        )
+    for sensor in spec.sensors:
+        sensor.nsample = robot.substeps
 
 
 def contact_readout(scene: SceneSpec, model: mujoco.MjModel) -> ContactReadout:
-    """Return where the sensors of `add_contact_sensors` write."""
+    """Return where the sensors of `add_contact_sensors` leave their values."""
     robot = scene.robot
-    if robot is None or model.nsensordata == 0:
-        nothing = slice(0, 0)
-        num_touch = len(robot.touch_links) if robot else 0
-        return ContactReadout(num_touch=num_touch, touch=nothing, own=NONE, own_link=NONE, found=nothing)
-    num_touch, own_links = len(robot.touch_links), _self_touching(robot)
-    first = num_touch + OWN_CONTACTS * 3 * np.arange(len(own_links))
+    touch = robot.touch_sensors if robot else ()
+    if robot is None or model.nsensor == 0:
+        none = columns_of(model, [])
+        return ContactReadout(num_touch=len(touch), samples=0, touch=none, found=none, own=(), own_strongest=none)
+    own = tuple(
+        _own_contacts(model, number, sensor)
+        for number, sensor in enumerate(touch)
+        if sensor.link in _self_touching(robot)
+    )
     return ContactReadout(
-        num_touch=num_touch,
-        touch=slice(0, num_touch),
-        # Three numbers per contact, normal force first.
-        own=first + 3 * np.arange(OWN_CONTACTS)[:, None],
-        own_link=np.array([robot.touch_links.index(name) for name in own_links], np.intp),
-        found=slice(model.nsensordata - scene.num_bodies, model.nsensordata),
+        num_touch=len(touch),
+        samples=robot.substeps,
+        touch=columns_of(model, [model.sensor(f"touch/{k}").id for k in range(len(touch))]),
+        found=columns_of(model, [model.sensor(f"found/{k}").id for k in range(scene.num_bodies)]),
+        own=own,
+        own_strongest=Columns.joined(item.force.part(np.array([0])) for item in own),
     )
 
 
@@ -132,19 +182,50 @@ def touch_approximations(robot: RobotModel) -> list[str]:
     ]
 
 
-def _add_touch(spec: mujoco.MjSpec, robot: RobotModel, link: str) -> None:
+def _add_touch(spec: mujoco.MjSpec, robot: RobotModel, number: int, sensor: Sensor) -> None:
+    link = str(sensor.link)
     if robot.links[robot.link_index(link)].virtual:
-        raise BackendError(f"touch link {link!r} has no mass: MuJoCo has no body for it")
-    site = spec.body(link_body(link)).add_site(name=f"touch/{link}", size=[EVERYWHERE] * 3)
-    spec.add_sensor(type=mujoco.mjtSensor.mjSENS_TOUCH, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=site.name)
+        raise BackendError(f"touch sensor {sensor.name!r}: link {link!r} has no mass, MuJoCo has no body for it")
+    radius = sensor.radius if np.isfinite(sensor.radius) else EVERYWHERE
+    site = spec.body(link_body(link)).add_site(
+        name=f"touch/{number}", size=[radius] * 3, pos=list(sensor.pose.position)
+    )
+    spec.add_sensor(
+        name=site.name, type=mujoco.mjtSensor.mjSENS_TOUCH, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=site.name
+    )
+
+
+def _own_contacts(model: mujoco.MjModel, number: int, sensor: Sensor) -> OwnContacts:
+    """Return where to find the contacts of sensor number `number` with the robot itself."""
+    every = columns_of(model, [model.sensor(f"own/{sensor.link}").id])
+    numbers = np.arange(len(every)).reshape(OWN_CONTACTS, 3, 3)  # force, point, normal
+    return OwnContacts(
+        sensor=number,
+        force=every.part(numbers[:, 0, 0]),
+        point=every.part(numbers[:, 1].ravel()),
+        normal=every.part(numbers[:, 2].ravel()),
+        place=columns_of(model, [model.sensor(f"place/{number}").id]),
+        radius=sensor.radius,
+    )
+
+
+def _counted(window: Window, own: OwnContacts) -> Array:
+    """Return the sum of the forces by which the robot touches a sensor of its own: (n,) [N]."""
+    force = window.read(own.force)
+    triples = (*force.shape, 3)
+    point, normal = window.read(own.point).reshape(triples), window.read(own.normal).reshape(triples)
+    place = window.read(own.place)[:, :, None]
+    force = np.where(counts(point, normal, place, own.radius), force, 0.0)
+    return force.sum(axis=(1, 2))
 
 
 def _self_touching(robot: RobotModel) -> list[str]:
-    """Return the touch links that can touch another link of the robot: one with collisions that is no neighbour."""
+    """Return the links with touch sensors that can touch another link of the robot: those that are no neighbours."""
     solid = [link.name for link in robot.links if link.collisions]
     joined = neighbours(robot)
+    sensed = dict.fromkeys(str(sensor.link) for sensor in robot.touch_sensors)
     return [
         name
-        for name in robot.touch_links
+        for name in sensed
         if name in solid and any(o != name and frozenset((link_body(name), link_body(o))) not in joined for o in solid)
     ]

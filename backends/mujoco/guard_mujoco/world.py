@@ -57,7 +57,7 @@ class MuJoCoWorld:
         self._effort = np.zeros((num_worlds, len(compiled.joint_dof)))
         self._touch = np.zeros((num_worlds, compiled.contact.num_touch))
         self._body_contact = np.zeros((num_worlds, self.scene.num_bodies), bool)
-        self._recorded = np.empty((num_worlds, 0, compiled.model.nsensordata))
+        self._history = self._batch.bind("history")
         self._identity = fingerprint(compiled.model, num_worlds)
         self._current = False  # whether the engine's positions and velocities are those of the state rows
 
@@ -167,17 +167,18 @@ class MuJoCoWorld:
         return self._ceilings.commands(np.asarray(control[rows], float), rows)
 
     def _advance(self, rows: Rows, substeps: int) -> None:
-        """Step the worlds `rows` and bring positions and velocities up to date; note what their sensors felt."""
-        ids = None if isinstance(rows, slice) else rows
-        if not self._compiled.contact.any:
+        """Step the worlds `rows`, bring positions and velocities up to date and sum up what their sensors felt."""
+        ids, contact = None if isinstance(rows, slice) else rows, self._compiled.contact
+        if not contact.any:
             self._attempt(lambda: self._batch.step(ids, nstep=substeps, stage=_VEL))
             return
-        shape = (self.num_worlds if ids is None else len(ids), substeps, self._compiled.model.nsensordata)
-        if self._recorded.shape != shape:
-            self._recorded = np.empty(shape)
-        out = {"sensordata": self._recorded}
-        self._attempt(lambda: self._batch.rollout(substeps, record=("sensordata",), ids=ids, out=out))
-        self._attempt(lambda: self._batch.forward(ids, stage=_VEL))
+        self._touch[rows], self._body_contact[rows] = 0.0, False
+        for portion in contact.portions(substeps):
+            self._attempt(lambda n=portion: self._batch.step(ids, nstep=n, stage=_VEL))
+            touch, touched = contact.read(self._history[rows], portion)
+            self._touch[rows] += touch
+            self._body_contact[rows] |= touched
+        self._touch[rows] /= substeps
 
     def _attempt(self, call: Callable[[], object]) -> None:
         """Run one call of the engine; the worlds in which it raises an error are no longer `ok`."""
@@ -187,11 +188,9 @@ class MuJoCoWorld:
             self._ok[error.ids] = False
 
     def _freeze_failed(self, rows: Rows, before: Array) -> None:
-        """Put worlds whose numbers went wrong back to `before`, and take over what the others' step reports."""
+        """Put worlds whose numbers went wrong back to `before`, and take over the efforts of the others."""
         batch = self._batch
         self._efforts.write(self._effort, rows)
-        if self._compiled.contact.any:
-            self._touch[rows], self._body_contact[rows] = self._compiled.contact.read(self._recorded)
         failed = self._newly_failed(rows)
         if len(failed):
             self._ok[failed] = False

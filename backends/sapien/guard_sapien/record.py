@@ -20,13 +20,14 @@ class Record:
     substeps (N,): done since reset; time is counted here, because PhysX's timestep is a float32.
     last_substeps (N,): of the last step. ok (N,): False until the first reset.
     control (N, U): last accepted control. effort (N, J) [N m or N]: actuator effort of the last substep.
-    impulse (N, K) [N s]: normal impulse on the touch links during the last step. touched (N, B): body contacts in it.
+    impulse (N, K) [N s]: normal impulse that the touch sensors counted in the last step. touched (N, B): body contacts
+    in it.
     """
 
     def __init__(self, spec: SceneSpec, num_worlds: int) -> None:
         robot = spec.robot
         controls, joints, touch = (
-            (len(robot.actuators), len(robot.joints), len(robot.touch_links)) if robot else (0, 0, 0)
+            (len(robot.actuators), len(robot.joints), len(robot.touch_sensors)) if robot else (0, 0, 0)
         )
         self.substeps = np.zeros(num_worlds, np.int64)
         self.last_substeps = np.ones(num_worlds, np.int64)
@@ -47,7 +48,7 @@ class Record:
         return np.multiply(self.substeps, timestep, dtype=float)
 
     def mean_touch(self, timestep: float) -> Array:
-        """Return the normal force on the touch links, averaged over the last step: (N, K) [N]."""
+        """Return the normal force on the touch sensors, averaged over the last step: (N, K) [N]."""
         return self.impulse / (timestep * self.last_substeps)[:, None]
 
     def arrays(self) -> list[np.ndarray]:

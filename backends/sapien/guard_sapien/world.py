@@ -12,7 +12,7 @@ from guard_api.physics.state import Array, Inspection, Mask, Start, State
 from guard_api.scene.spec import SceneSpec
 from guard_sapien import contacts
 from guard_sapien.compile import check, cylinder_notes
-from guard_sapien.contacts import ContactReader
+from guard_sapien.contacts import ContactLog
 from guard_sapien.control import RobotControl
 from guard_sapien.driving import Drives, send
 from guard_sapien.fleet import Fleet
@@ -35,9 +35,10 @@ class SapienWorld:
         self._fleet = Fleet(scene, num_worlds, table)
         self._control = RobotControl(scene.robot, self._fleet.copies[0]) if scene.robot else None
         self._kinematics = Kinematics(scene.robot) if scene.robot else None
-        self._reads_contacts = contacts.wanted(scene)
-        self._readers = [ContactReader(scene, c) for c in self._fleet.copies] if self._reads_contacts else []
         self._record = Record(scene, num_worlds)
+        self._contacts = None
+        if contacts.wanted(scene):
+            self._contacts = ContactLog(scene, self._fleet.copies, self._record.impulse, self._record.touched)
         self._drives = Drives(scene, num_worlds)
 
     def reset(self, mask: Mask, start: Start) -> None:
@@ -66,7 +67,7 @@ class SapienWorld:
         record.control[worlds] = control[worlds]
         record.impulse[worlds], record.touched[worlds] = 0.0, False
         record.last_substeps[worlds] = substeps
-        self._advance(worlds.tolist(), substeps, self._reads_contacts)
+        self._advance(worlds.tolist(), substeps, read_contacts=True)
         self._stop(_lost(self._fleet.read()))
 
     def step_raw(self, substeps: int) -> None:
@@ -120,15 +121,15 @@ class SapienWorld:
     def close(self) -> None:
         """Release the scenes."""
         self._fleet.copies.clear()
-        self._readers.clear()
+        self._contacts = None
 
     def _saved(self) -> list[np.ndarray]:
         return [*self._record.arrays(), *self._drives.arrays()]
 
     def _renew(self, worlds: NDArray[np.intp]) -> None:
         for world in self._fleet.renew(worlds):
-            if self._reads_contacts:
-                self._readers[world] = ContactReader(self.scene, self._fleet.copies[world])
+            if self._contacts:
+                self._contacts.renew(world, self._fleet.copies[world])
 
     def _stop(self, failed: Mask) -> None:
         """Let the worlds that `failed` (N,) be not ok from now on."""
@@ -140,6 +141,7 @@ class SapienWorld:
     def _advance(self, worlds: list[int], substeps: int, read_contacts: bool) -> None:
         """Run `substeps` of law and engine in `worlds`."""
         record, copies = self._record, [self._fleet.copies[world] for world in worlds]
+        log = self._contacts if read_contacts else None
         set_forces = self._control.run(copies, record.control[worlds]) if self._control else None
         way = self._drives.waypoints(worlds, substeps)
         steps = [system.step for system, _ in self._fleet.layout.systems(copies)]
@@ -152,9 +154,11 @@ class SapienWorld:
                 send(self._fleet.copies, way, substep)
                 for step in steps:
                     step()
-                if read_contacts:
+                if log:
                     for world in worlds:
-                        self._readers[world].add(record.impulse[world], record.touched[world])
+                        log.collect(world)
+        if log:
+            log.finish()
         record.effort[worlds] = effort
         record.substeps[worlds] += substeps
         self._drives.arrive(worlds)

@@ -12,6 +12,7 @@ from guard_api.physics.backend import Backend
 from guard_api.physics.state import State, state_dtype, state_shapes
 from guard_api.scene.spec import SceneSpec
 from guard_api.testing.checks.check import Finding, check, count, error, rounding
+from guard_api.testing.robots import touch_sensor
 from guard_api.testing.scenes import (
     TIMESTEP,
     WEIGHTLESS,
@@ -107,7 +108,8 @@ def actuator_order(backend: Backend) -> list[Finding]:
 @check("C2")
 def shapes_and_types(backend: Backend) -> list[Finding]:
     """Every array of the state has the contract's shape and dtype, with and without a robot."""
-    scene = robot_scene(replace(tree("floating"), touch_links=("beta", "zeta")))
+    sensors = (touch_sensor("beta"), touch_sensor("zeta", radius=0.1), touch_sensor("beta", name="again"))
+    scene = robot_scene(replace(tree("floating"), sensors=sensors))
     with running(backend, scene, 2) as world:
         return [count("arrays that differ from the contract", _misshapen(world.state(), scene, 2))]
 
