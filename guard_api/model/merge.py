@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -48,9 +49,9 @@ def compose(outer: Pose, inner: Pose) -> Pose:
     if outer == Pose():
         return inner
     position = np.asarray(outer.position) + rotations.rotate(outer.quaternion, inner.position)
-    w, x, y, z = rotations.multiply(outer.quaternion, inner.quaternion)
-    norm = float(np.linalg.norm([w, x, y, z])) * (-1.0 if w < 0.0 else 1.0)
-    return Pose(position=as_vector(position), quaternion=(w / norm, x / norm, y / norm, z / norm))
+    turn = rotations.multiply(outer.quaternion, inner.quaternion)
+    w, x, y, z = (float(value) for value in turn / math.copysign(float(np.linalg.norm(turn)), float(turn[0])))
+    return Pose(position=as_vector(position), quaternion=(w, x, y, z))
 
 
 def merge_fixed(tree: Tree, problems: Problems) -> Merged:

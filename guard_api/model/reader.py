@@ -9,6 +9,7 @@ from guard_api.model.ball import expand_balls
 from guard_api.model.base import resolve_base, with_base
 from guard_api.model.inertia import of_solids, positive_definite
 from guard_api.model.merge import Body, merge_fixed
+from guard_api.model.mjcf.reader import read_mjcf
 from guard_api.model.problems import Problems
 from guard_api.model.references import check_references, place_actuators, place_frame, place_segments, place_sensors
 from guard_api.model.robot import Collision, Home, Joint, JointKind, Link, RobotModel
@@ -17,22 +18,26 @@ from guard_api.model.tree import Tree, TreeCollision, TreeJoint, TreeLink, order
 from guard_api.model.urdf import read_urdf
 
 SIDE_FILE = "robot.toml"
+MJCF_SUFFIX = ".xml"
 
 
-def read_robot(urdf: Path, side_file: Path | None = None, *, name: str | None = None) -> RobotModel:
-    """Return the robot of a URDF file and its side file, named `name` or as in the URDF.
+def read_robot(file: Path, side_file: Path | None = None, *, name: str | None = None) -> RobotModel:
+    """Return the robot of a URDF or MJCF (.xml) file and its side file, named `name` or as in the file.
 
-    Without `side_file`, the `robot.toml` beside the URDF is used if there is one. Raises ModelError that lists every
+    Without `side_file`, the `robot.toml` beside the file is used if there is one. Raises ModelError that lists every
     problem of both files, one per line, with file and line or key.
     """
     problems = Problems()
-    beside = urdf.parent / SIDE_FILE
+    beside = file.parent / SIDE_FILE
     if side_file is None and beside.is_file():
         side_file = beside
     if side_file is None:
-        problems.note(f"no {SIDE_FILE}: a robot without actuators and sensors, with the default settings")
+        problems.note(f"no {SIDE_FILE}: a robot with the default settings, and what {file.name} says of them")
     side = read_side_file(side_file, problems) if side_file else SideFile()
-    tree = read_urdf(urdf, problems)
+    if file.suffix == MJCF_SUFFIX:
+        tree, side = read_mjcf(file, side, problems)
+    else:
+        tree = read_urdf(file, problems)
     if tree is None:
         raise problems.as_error()
     return build_robot(replace(tree, name=name or tree.name), side, problems)

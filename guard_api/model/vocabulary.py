@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from guard_api.model.element import Element
@@ -10,7 +10,7 @@ from guard_api.model.problems import Problems, nearest
 
 
 @dataclass(frozen=True, slots=True)
-class _Words:
+class Words:
     """What an element may hold: attributes and children that are read, and those that are known and left out."""
 
     attributes: tuple[str, ...] = ()
@@ -18,70 +18,78 @@ class _Words:
     ignored: tuple[str, ...] = ()
 
 
-_URDF = {
-    "robot": _Words(("name", "version"), ("link", "joint", "material"), ("transmission", "gazebo", "sensor")),
-    "link": _Words(("name",), ("inertial", "collision", "visual"), ("contact", "self_collision_checking", "type")),
-    "joint": _Words(
+URDF = {
+    "robot": Words(("name", "version"), ("link", "joint", "material"), ("transmission", "gazebo", "sensor")),
+    "link": Words(("name",), ("inertial", "collision", "visual"), ("contact", "self_collision_checking", "type")),
+    "joint": Words(
         ("name", "type"),
         ("parent", "child", "origin", "axis", "limit", "dynamics", "mimic"),
         ("safety_controller", "calibration"),
     ),
-    "inertial": _Words((), ("origin", "mass", "inertia")),
-    "mass": _Words(("value",)),
-    "inertia": _Words(("ixx", "ixy", "ixz", "iyy", "iyz", "izz")),
-    "collision": _Words(("name",), ("origin", "geometry"), ("verbose", "material", "contact_coefficients")),
-    "visual": _Words(("name",), ("origin", "geometry", "material")),
-    "geometry": _Words((), ("sphere", "box", "cylinder", "capsule", "mesh"), ("cone", "ellipsoid", "plane")),
-    "sphere": _Words(("radius",)),
-    "box": _Words(("size",)),
-    "cylinder": _Words(("radius", "length")),
-    "capsule": _Words(("radius", "length")),
-    "mesh": _Words(("filename", "scale"), ignored=("convex",)),
-    "material": _Words(("name",), ("color",), ("texture",)),
-    "color": _Words(("rgba",)),
-    "origin": _Words(("xyz", "rpy", "quat_xyzw")),
-    "parent": _Words(("link",)),
-    "child": _Words(("link",)),
-    "axis": _Words(("xyz",)),
-    "limit": _Words(("lower", "upper", "effort", "velocity"), ignored=("acceleration", "deceleration", "jerk")),
-    "dynamics": _Words(("damping", "friction"), ignored=("spring_reference", "spring_stiffness", "armature")),
-    "mimic": _Words(("joint", "multiplier", "offset")),
+    "inertial": Words((), ("origin", "mass", "inertia")),
+    "mass": Words(("value",)),
+    "inertia": Words(("ixx", "ixy", "ixz", "iyy", "iyz", "izz")),
+    "collision": Words(("name",), ("origin", "geometry"), ("verbose", "material", "contact_coefficients")),
+    "visual": Words(("name",), ("origin", "geometry", "material")),
+    "geometry": Words((), ("sphere", "box", "cylinder", "capsule", "mesh"), ("cone", "ellipsoid", "plane")),
+    "sphere": Words(("radius",)),
+    "box": Words(("size",)),
+    "cylinder": Words(("radius", "length")),
+    "capsule": Words(("radius", "length")),
+    "mesh": Words(("filename", "scale"), ignored=("convex",)),
+    "material": Words(("name",), ("color",), ("texture",)),
+    "color": Words(("rgba",)),
+    "origin": Words(("xyz", "rpy", "quat_xyzw")),
+    "parent": Words(("link",)),
+    "child": Words(("link",)),
+    "axis": Words(("xyz",)),
+    "limit": Words(("lower", "upper", "effort", "velocity"), ignored=("acceleration", "deceleration", "jerk")),
+    "dynamics": Words(("damping", "friction"), ignored=("spring_reference", "spring_stiffness", "armature")),
+    "mimic": Words(("joint", "multiplier", "offset")),
 }
 
 
-def check_vocabulary(root: Element, problems: Problems) -> None:
-    """Report misspelt elements and attributes as errors and foreign ones as notes, one for each word."""
+def check_vocabulary(
+    root: Element, problems: Problems, language: Mapping[str, Words] = URDF, name: str = "URDF"
+) -> None:
+    """Report misspelt elements and attributes as errors and foreign ones as notes, one for each word.
+
+    language: what each element of the format called `name` may hold.
+    """
     foreign: dict[str, list[Element]] = {}
-    for element in _known_elements(root):
-        words = _URDF[element.tag]
-        for name in element.attributes:
-            if name not in words.attributes and not _misspelt(
-                element, name, words.attributes, words.ignored, "attribute "
-            ):
-                foreign.setdefault(f"attribute {name} of <{element.tag}>", []).append(element)
+    for element in known_elements(root, language):
+        words = language[element.tag]
+        for key in element.attributes:
+            place = f"attribute {key!r} in <{element.tag}>"
+            if key not in words.attributes and not _misspelt(element, key, words.attributes, words.ignored, place):
+                foreign.setdefault(f"attribute {key} of <{element.tag}>", []).append(element)
         for child in element.children():
-            if child.tag not in words.children and not _misspelt(child, child.tag, words.children, words.ignored, ""):
+            place = f"{child.tag!r} in <{name}>"
+            if child.tag not in words.children and not _misspelt(
+                child, child.tag, words.children, words.ignored, place
+            ):
                 foreign.setdefault(f"<{_local(child.tag)}> in <{element.tag}>", []).append(child)
     for word, places in foreign.items():
         times = f"{len(places)} times, first at" if len(places) > 1 else "at"
         problems.note(f"{root.file.name}: {word} is ignored ({times} line {places[0].line})")
 
 
-def _known_elements(root: Element) -> Iterator[Element]:
+def known_elements(root: Element, language: Mapping[str, Words]) -> Iterator[Element]:
+    """Yield `root` and every element below that is reached through elements that are read."""
     pending = [root]
     while pending:
         element = pending.pop()
         yield element
-        pending.extend(child for child in element.children() if child.tag in _URDF[element.tag].children)
+        pending.extend(child for child in element.children() if child.tag in language[element.tag].children)
 
 
-def _misspelt(place: Element, word: str, known: tuple[str, ...], ignored: tuple[str, ...], kind: str) -> bool:
+def _misspelt(node: Element, word: str, known: tuple[str, ...], ignored: tuple[str, ...], place: str) -> bool:
     if "www.ros.org/wiki/xacro" in word:
-        place.error("xacro macros are not URDF: expand the file with xacro first")
+        node.error("xacro macros are not URDF: expand the file with xacro first")
         return True
     near = None if word in ignored else nearest(word, known)
     if near:
-        place.error(f"unknown {kind}{word!r} in <{place.tag if kind else 'URDF'}>: did you mean {near!r}?")
+        node.error(f"unknown {place}: did you mean {near!r}?")
     return near is not None
 
 
