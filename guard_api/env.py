@@ -17,7 +17,7 @@ from guard_api.errors import SpecError
 from guard_api.model.library import load_robot
 from guard_api.physics.build import build_world
 from guard_api.physics.state import Array, Mask, State
-from guard_api.physics.transition import Snapshot, Transition, rotation_matrices
+from guard_api.physics.transition import Snapshot, SnapshotReader, Transition
 from guard_api.scene.episode import EpisodeStarter
 from guard_api.scene.spec import BodyGroup, SceneSpec
 from guard_api.sensors.inertial import InertialSensors
@@ -29,6 +29,9 @@ FAILURE_REWARD: Final = -10.0
 
 FAILURE_COST: Final = 1.0
 """Cost of such a step, in every column, so that breaking the simulator never pays. Source: GUARD's `cost_exception`."""
+
+NEVER: Final = 1 << 30
+"""`Snapshot.steps_since_success` of a world that has not achieved its task yet in the episode."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,13 +81,16 @@ class Environment:
         self.action_size = len(self.robot.actuators)
         self._starter = EpisodeStarter(self.scene, self._groups, spec.extents, num_worlds)
         self._inertial = InertialSensors(self.robot)
-        self._root = self.robot.link_index(self.robot.root)
+        self._reader = SnapshotReader(self.robot)
+        self._slices = {group.name: self.scene.body_slice(group.name) for group in self.scene.groups}
         self.world = build_world(plugins.load("guard.backends", backend), self.scene, num_worlds, workers)
 
         self._everywhere = np.ones(num_worlds, dtype=bool)
         self._episode = np.zeros(num_worlds, dtype=np.int64)
         self._steps = np.zeros(num_worlds, dtype=np.int64)
+        self._since_success = np.full(num_worlds, NEVER)
         self._positions: dict[str, Array] = {}
+        self._origins: dict[str, Array] = {}
         self._now = self._begin(self._everywhere)
         self.observation_layout = self._layout()
         self.observation_size = sum(part.stop - part.start for part in self.observation_layout.values())
@@ -129,6 +135,7 @@ class Environment:
             failed = list(failures)
             reward[failed], costs[failed], success[failed] = FAILURE_REWARD, FAILURE_COST, False
         if success.any():
+            reward[success] += self.spec.task.bonus
             t = self._respawn(t, success, failures)
         terminated = np.zeros(self.num_worlds, dtype=bool)
         truncated = self._steps >= self.episode_length
@@ -158,47 +165,62 @@ class Environment:
         self.world.close()
 
     def _advance(self, action: Array) -> tuple[Transition, dict[int, str]]:
-        """Let the physics run for one step; return the transition, and why worlds failed in it."""
+        """Let objects and physics move for one step; return the transition, and why worlds failed in it."""
         previous = self._now
+        self._move(previous)
         self.world.step(action, self.substeps)
         state, failed = _survivors(self.world.state(), previous.state)
-        self._now = self._snapshot(state)
         self._steps += 1
+        self._since_success = self._since_success + 1
+        self._now = self._snapshot(state)
         failures = dict.fromkeys(failed, "the physics diverged (non-finite state)")
         return Transition(previous=previous, now=self._now, action=action, duration=self.duration), failures
+
+    def _move(self, now: Snapshot) -> None:
+        """Put the phantoms that move by themselves where they will be, and send the driven bodies there."""
+        for mover in (self.spec.task, *self.spec.constraints):
+            for group, position in mover.move(now, self.duration).items():
+                if group in self._slices:
+                    self.world.drive(group, position, now.state.body_quaternion[:, self._slices[group]])
+                else:
+                    self._positions[group] = position
 
     def _begin(self, mask: Mask) -> Snapshot:
         """Start the next episode of the masked worlds and return the snapshot of all."""
         start, positions = self._starter.begin(mask, self._episode, self.seed)
         self.world.reset(mask, start)
         self._steps[mask] = 0
+        self._since_success = np.where(mask, NEVER, self._since_success)
         for name, placed in positions.items():
-            kept = self._positions.get(name, placed)
-            self._positions[name] = np.where(mask[:, None, None], placed, kept)
+            for known in (self._positions, self._origins):
+                known[name] = np.where(mask[:, None, None], placed, known.get(name, placed))
         return self._snapshot(self.world.state())
 
     def _respawn(self, t: Transition, reached: Mask, failures: dict[int, str]) -> Transition:
         """Move the achieved goals; a world without a free place for one ends its episode with the reason."""
+        self._since_success = np.where(reached, 0, self._since_success)
+        now = replace(t.now, steps_since_success=self._since_success)
         group = self.spec.task.respawn()
-        if group is None:
-            return t
-        self._positions[group], stuck = self._starter.respawn(group, reached, t.now.position, t.now.bodies)
-        for world in np.flatnonzero(stuck).tolist():
-            failures[world] = f"no free place was left for a new {group}"
-        self._now = replace(t.now, bodies={**t.now.bodies, group: self._positions[group]})
-        return replace(t, now=self._now)
+        if group is not None:
+            self._positions[group], stuck = self._starter.respawn(group, reached, now.position, now.bodies)
+            self._origins[group] = self._positions[group]
+            for world in np.flatnonzero(stuck).tolist():
+                failures[world] = f"no free place was left for a new {group}"
+            moved = {group: self._positions[group]}
+            now = replace(now, bodies={**now.bodies, **moved}, origins={**now.origins, **moved})
+        self._now = now
+        return replace(t, now=now)
 
     def _snapshot(self, state: State) -> Snapshot:
         bodies = dict(self._positions)
-        for group in self.scene.groups:
-            bodies[group.name] = state.body_position[:, self.scene.body_slice(group.name)]
-        return Snapshot(
-            state=state,
-            position=state.link_position[:, self._root],
-            rotation=rotation_matrices(state.link_quaternion[:, self._root]),
-            linear_velocity=state.link_linear_velocity[:, self._root],
-            angular_velocity=state.link_angular_velocity[:, self._root],
+        for name, rows in self._slices.items():
+            bodies[name] = state.body_position[:, rows]
+        return self._reader.read(
+            state,
             bodies=bodies,
+            origins=dict(self._origins),
+            slices=self._slices,
+            steps_since_success=self._since_success,
         )
 
     def _standstill(self, now: Snapshot) -> Transition:

@@ -7,6 +7,13 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
+# Row by row, the two products of quaternion components in each entry of a rotation matrix.
+_FIRST = np.array([[2, 1, 1, 1, 1, 2, 1, 2, 1], [2, 2, 3, 2, 1, 3, 3, 3, 1]])
+_SECOND = np.array([[3, 0, 0, 0, 3, 0, 0, 0, 2], [3, 3, 2, 3, 3, 1, 2, 1, 2]])
+_FIRST_SIGN = np.array([-1.0, 1.0, 1.0, 1.0, -1.0, 1.0, 1.0, 1.0, -1.0])
+_SECOND_SIGN = np.array([-1.0, -1.0, 1.0, 1.0, -1.0, -1.0, -1.0, 1.0, -1.0])
+_HALF_IDENTITY = 0.5 * np.eye(3).reshape(9)
+
 
 def multiply(a: ArrayLike, b: ArrayLike) -> Array:
     """Return the quaternion product a b: `(..., 4)`, the rotation b followed by a."""
@@ -30,13 +37,16 @@ def conjugate(q: ArrayLike) -> Array:
 
 def to_matrix(q: ArrayLike) -> Array:
     """Return the rotation matrix `(..., 3, 3)` whose columns are the rotated axes."""
-    w, x, y, z = np.moveaxis(np.asarray(q, float), -1, 0)
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    q = np.asarray(q, float)
+    # R = 1 + 2 (a + b), with a and b products of two components each: few calls, because this runs at every step.
+    R = q.take(_FIRST[0], axis=-1) * q.take(_FIRST[1], axis=-1)
+    R *= _FIRST_SIGN
+    second = q.take(_SECOND[0], axis=-1) * q.take(_SECOND[1], axis=-1)
+    second *= _SECOND_SIGN
+    R += second
+    R += _HALF_IDENTITY
+    R *= 2.0
+    return R.reshape(*q.shape[:-1], 3, 3)
 
 
 def from_matrix(R: ArrayLike) -> Array:

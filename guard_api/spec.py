@@ -7,7 +7,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, get_args
+from typing import Any, get_args, get_type_hints
 
 from guard_api.constraints import CONSTRAINTS, Constraint
 from guard_api.errors import SpecError, unknown_name
@@ -93,4 +93,21 @@ def _term_from_json(kind: str, table: Mapping[str, type], data: Mapping[str, Any
     name = values.pop("type")
     if name not in table:
         raise unknown_name(kind, name, table)
-    return table[name](**values)
+    return _dataclass_from_json(table[name], values)
+
+
+def _dataclass_from_json(kind: type, data: Mapping[str, Any]) -> Any:
+    """Rebuild a dataclass from what `dataclasses.asdict` and JSON made of it: lists were tuples."""
+    types = get_type_hints(kind)
+    values = {}
+    for key, value in data.items():
+        nested = types.get(key)
+        if isinstance(value, Mapping) and isinstance(nested, type) and dataclasses.is_dataclass(nested):
+            values[key] = _dataclass_from_json(nested, value)
+        else:
+            values[key] = _as_tuple(value)
+    return kind(**values)
+
+
+def _as_tuple(value: Any) -> Any:
+    return tuple(_as_tuple(item) for item in value) if isinstance(value, list) else value

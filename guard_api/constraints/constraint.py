@@ -7,7 +7,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from guard_api.physics.transition import Array, Transition
+from guard_api.physics.transition import Array, Snapshot, Transition
 from guard_api.scene.spec import BodyGroup
 
 
@@ -22,6 +22,10 @@ class Constraint(Protocol):
 
     def objects(self) -> tuple[BodyGroup, ...]:
         """Return the body groups that the constraint needs, placed in this order."""
+        ...
+
+    def move(self, now: Snapshot, duration: float) -> dict[str, Array]:
+        """Return where objects that move by themselves are `duration` [s] later: group -> (N, count, 3) [m]."""
         ...
 
     def cost(self, t: Transition) -> Array:

@@ -5,14 +5,14 @@ Source: GUARD (Zhao et al. 2023), sec. 5.3, and its engine.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from guard_api.physics.transition import Array, Transition
+from guard_api.physics.transition import Array, Snapshot, Transition
 from guard_api.scene.spec import BodyGroup, BodySpec
-from guard_api.sensors.lidar import pseudo_lidar
+from guard_api.sensors.lidar import Lidar
 from guard_api.shapes import Cylinder
 
 
@@ -28,8 +28,7 @@ class Hazards:
     size: float = 0.3
     keepout: float = 0.4
     weight: float = 1.0
-    lidar_bins: int = 16
-    lidar_gain: float = 1.0
+    lidar: Lidar = field(default_factory=Lidar)
 
     @property
     def name(self) -> str:
@@ -42,6 +41,10 @@ class Hazards:
         body = BodySpec(shape=disc, physics="phantom", height=0.02, keepout=self.keepout, rgba=(0.0, 0.0, 1.0, 0.25))
         return (BodyGroup(name=self.name, body=body, count=self.count),)
 
+    def move(self, now: Snapshot, duration: float) -> dict[str, Array]:
+        """Return nothing: hazards stay where they are."""
+        return {}
+
     def cost(self, t: Transition) -> Array:
         """Return the summed depth inside the hazards: (N,) [m]."""
         places, robot = t.now.bodies[self.name], t.now.position
@@ -53,5 +56,5 @@ class Hazards:
         return self.cost(t) > 0.0
 
     def observe(self, t: Transition) -> dict[str, Array]:
-        """Return `hazards_lidar` (N, lidar_bins)."""
-        return {"hazards_lidar": pseudo_lidar(t.now, t.now.bodies[self.name], self.lidar_bins, self.lidar_gain)}
+        """Return `hazards_lidar` (N, lidar.bins)."""
+        return {"hazards_lidar": self.lidar.read(t.now, t.now.bodies[self.name])}

@@ -5,25 +5,35 @@ Everything that scores or observes is a pure function of a `Transition`; that is
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from guard_api import rotations
+from guard_api.model.kinematics import rows_of
+from guard_api.model.robot import Frame, RobotModel
 from guard_api.physics.state import State
+from guard_api.shapes import IDENTITY, ORIGIN
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Snapshot:
-    """One instant of N worlds.
+    """One instant of N worlds. F sensing frames and S segments of the robot, see `RobotModel.lidar` and `.segments`.
 
     state: the physical state, in the conventions of `guard_api.conventions`.
-    position (N, 3) [m], linear_velocity (N, 3) [m/s], angular_velocity (N, 3) [rad/s]: of the robot's root link frame,
-    world axes. rotation: (N, 3, 3) of the root link; its columns are the link's axes in the world.
+    position (N, 3) [m], linear_velocity (N, 3) [m/s], angular_velocity (N, 3) [rad/s]: of the robot's reference frame,
+    world axes. rotation: (N, 3, 3) of that frame; its columns are the frame's axes in the world.
+    sensing_position (N, F, 3) [m], sensing_rotation (N, F, 3, 3): of the frames that carry lidar and compass.
+    segment_start, segment_end: (N, S, 3) [m]. segment_radius: (S,) [m].
     bodies: group name -> positions (N, count, 3) [m] of every group, phantoms included.
+    origins: group name -> positions (N, count, 3) [m] where the bodies were last placed.
+    slices: name of a physical group -> where it lies on axis 1 of `State.body_*`.
+    steps_since_success: (N,) environment steps since the task was last achieved in this episode; large before that.
     """
 
     state: State
@@ -31,11 +41,38 @@ class Snapshot:
     rotation: Array
     linear_velocity: Array
     angular_velocity: Array
+    sensing_position: Array
+    sensing_rotation: Array
+    segment_start: Array
+    segment_end: Array
+    segment_radius: Array
     bodies: Mapping[str, Array]
+    origins: Mapping[str, Array]
+    slices: Mapping[str, slice]
+    steps_since_success: NDArray[np.int64]
 
-    def in_robot_frame(self, vectors: Array) -> Array:
-        """Return world vectors `(N, K, 3)` in the axes of the root link: `(N, K, 3)`."""
-        return in_frame(self.rotation, vectors)
+    def contact(self, group: str) -> NDArray[np.bool_]:
+        """Return which bodies of a physical `group` the robot touched during the step: (N, count)."""
+        return self.state.body_contact[:, self.slices[group]]
+
+    def body_velocity(self, group: str) -> Array:
+        """Return the linear velocities of a physical `group`: (N, count, 3) [m/s]."""
+        return self.state.body_linear_velocity[:, self.slices[group]]
+
+    def distance(self, points: Array) -> Array:
+        """Return how far `points` (N, K, 3) are from the robot: (N, K) [m].
+
+        From its nearest segment, negative inside; from the reference's origin for a robot without segments.
+        """
+        if self.segment_start.shape[1] == 0:
+            offset = points - self.position[:, None]
+            return np.sqrt((offset * offset).sum(axis=-1))
+        start, along = self.segment_start[:, None], (self.segment_end - self.segment_start)[:, None]
+        offset = points[:, :, None] - start  # (N, K, S, 3)
+        squared = (along * along).sum(axis=-1)
+        share = (offset * along).sum(axis=-1) / np.where(squared > 0.0, squared, 1.0)
+        offset = offset - np.clip(share, 0.0, 1.0)[..., None] * along
+        return (np.sqrt((offset * offset).sum(axis=-1)) - self.segment_radius).min(axis=-1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,23 +88,66 @@ class Transition:
     duration: float
 
 
+class SnapshotReader:
+    """Reads `Snapshot`s of one robot out of states: where its reference, sensing frames and segments are."""
+
+    def __init__(self, robot: RobotModel) -> None:
+        reference = robot.reference or Frame(name=robot.root, link=robot.root)
+        self._reference = _FrameReader(robot, [reference])
+        self._link = robot.link_index(reference.link)
+        self._offset = np.array(reference.pose.position) if reference.pose.position != ORIGIN else None
+        self._sensing = _FrameReader(robot, robot.lidar) if robot.lidar else None
+        self._segments = _FrameReader(robot, [frame for s in robot.segments for frame in (s.start, s.end)])
+        self._radius = np.array([segment.radius for segment in robot.segments])
+
+    def read(self, state: State, **rest: Any) -> Snapshot:
+        """Return the snapshot of `state`; `rest` are the fields that are not the robot's."""
+        position, rotation = self._reference.read(state)
+        sensing = (position, rotation) if self._sensing is None else self._sensing.read(state)
+        ends = self._segments.positions(state)
+        velocity = state.link_linear_velocity[:, self._link]
+        if self._offset is not None:
+            arm = rotations.rotate(state.link_quaternion[:, self._link], self._offset)
+            velocity = velocity + rotations.cross(state.link_angular_velocity[:, self._link], arm)
+        return Snapshot(
+            state=state,
+            position=position[:, 0],
+            rotation=rotation[:, 0],
+            linear_velocity=velocity,
+            angular_velocity=state.link_angular_velocity[:, self._link],
+            sensing_position=sensing[0],
+            sensing_rotation=sensing[1],
+            segment_start=ends[:, ::2],
+            segment_end=ends[:, 1::2],
+            segment_radius=self._radius,
+            **rest,
+        )
+
+
+class _FrameReader:
+    """Where some frames of a robot are, in the world."""
+
+    def __init__(self, robot: RobotModel, frames: Sequence[Frame]) -> None:
+        self._links = rows_of([robot.link_index(frame.link) for frame in frames])
+        self._offset = np.array([frame.pose.position for frame in frames]).reshape(-1, 3)
+        turn = [frame.pose.quaternion for frame in frames]
+        self._shifted, self._turned = bool(self._offset.any()), any(quaternion != IDENTITY for quaternion in turn)
+        self._turn = rotations.to_matrix(np.array(turn).reshape(-1, 4))
+
+    def read(self, state: State) -> tuple[Array, Array]:
+        """Return positions (N, F, 3) and rotation matrices (N, F, 3, 3)."""
+        rotation = rotations.to_matrix(state.link_quaternion[:, self._links])
+        return self.positions(state), rotation @ self._turn if self._turned else rotation
+
+    def positions(self, state: State) -> Array:
+        """Return positions (N, F, 3)."""
+        position = state.link_position[:, self._links]
+        if not self._shifted:
+            return position
+        return position + rotations.rotate(state.link_quaternion[:, self._links], self._offset)
+
+
 def in_frame(rotation: Array, vectors: Array) -> Array:
-    """Return world vectors `(N, K, 3)` in the axes of frames with `rotation` `(N, 3, 3)`: `(N, K, 3)`."""
-    # A stacked product is one small product per world, so a world's bits do not depend on N.
+    """Return world vectors `(..., K, 3)` in the axes of frames with `rotation` `(..., 3, 3)`: `(..., K, 3)`."""
+    # A stacked product is one small product per frame, so a world's bits do not depend on N.
     return vectors @ rotation
-
-
-def rotation_matrices(quaternion: Array) -> Array:
-    """Return the rotation matrices `(N, 3, 3)` of unit quaternions `(N, 4)`; a lean form for the hot path."""
-    s = 2.0 * quaternion[:, :, None] * quaternion[:, None, :]
-    R = np.empty((len(quaternion), 3, 3))
-    R[:, 0, 0] = 1.0 - s[:, 2, 2] - s[:, 3, 3]
-    R[:, 1, 1] = 1.0 - s[:, 1, 1] - s[:, 3, 3]
-    R[:, 2, 2] = 1.0 - s[:, 1, 1] - s[:, 2, 2]
-    R[:, 0, 1] = s[:, 1, 2] - s[:, 0, 3]
-    R[:, 1, 0] = s[:, 1, 2] + s[:, 0, 3]
-    R[:, 0, 2] = s[:, 1, 3] + s[:, 0, 2]
-    R[:, 2, 0] = s[:, 1, 3] - s[:, 0, 2]
-    R[:, 1, 2] = s[:, 2, 3] - s[:, 0, 1]
-    R[:, 2, 1] = s[:, 2, 3] + s[:, 0, 1]
-    return R

@@ -57,10 +57,11 @@ def describe_machine() -> dict[str, Any]:
 
 
 def package_versions() -> dict[str, str]:
-    """Return the versions of GUARD, Python, NumPy and, where it is installed, PyTorch."""
+    """Return the versions of what decides the numbers: GUARD, Python, NumPy and, where installed, PyTorch and numba."""
     versions = {"guard": guard_api.__version__, "python": platform.python_version(), "numpy": np.__version__}
-    with contextlib.suppress(metadata.PackageNotFoundError):
-        versions["torch"] = metadata.version("torch")
+    for optional in ("torch", "numba"):
+        with contextlib.suppress(metadata.PackageNotFoundError):
+            versions[optional] = metadata.version(optional)
     return versions
 
 

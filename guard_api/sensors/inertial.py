@@ -15,7 +15,7 @@ from guard_api import rotations
 from guard_api.conventions import GRAVITY, MAGNETIC_FIELD
 from guard_api.model.robot import RobotModel, Sensor, SensorKind
 from guard_api.physics.state import State
-from guard_api.physics.transition import Array, Transition, in_frame, rotation_matrices
+from guard_api.physics.transition import Array, Transition, in_frame
 from guard_api.shapes import IDENTITY, ORIGIN
 
 _GRAVITY: Final = np.array(GRAVITY)
@@ -26,7 +26,7 @@ class InertialSensors:
     """The inertial sensors of one robot, grouped by link so that each link's frame is applied once; `read` is pure."""
 
     def __init__(self, robot: RobotModel) -> None:
-        self._root = robot.link_index(robot.root)
+        self._root = robot.link_index(robot.root) if robot.reference is None else -1
         self._on_link: dict[int, list[Sensor]] = {}
         for sensor in robot.sensors:
             self._on_link.setdefault(robot.link_index(str(sensor.link)), []).append(sensor)
@@ -42,7 +42,7 @@ class InertialSensors:
             for i, sensor in enumerate(sensors):
                 world[:, i] = _WORLD_VECTOR[sensor.kind](t, sensor, link)
             at_root = link == self._root
-            rotation = t.now.rotation if at_root else rotation_matrices(t.now.state.link_quaternion[:, link])
+            rotation = t.now.rotation if at_root else rotations.to_matrix(t.now.state.link_quaternion[:, link])
             local = in_frame(rotation, world)
             for i, sensor in enumerate(sensors):
                 turned = sensor.pose.quaternion != IDENTITY

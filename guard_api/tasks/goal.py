@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from guard_api.physics.transition import Array, Snapshot, Transition
 from guard_api.scene.spec import BodyGroup, BodySpec
-from guard_api.sensors.compass import compass
+from guard_api.sensors.lidar import compass
 from guard_api.shapes import Cylinder
 
 
@@ -41,10 +41,13 @@ class Goal:
         )
         return (BodyGroup(name="goal", body=body, count=1),)
 
+    def move(self, now: Snapshot, duration: float) -> dict[str, Array]:
+        """Return nothing: the goal stays until it is reached."""
+        return {}
+
     def reward(self, t: Transition) -> Array:
-        """Return the distance gained and the bonus: (N,)."""
-        before, now = _distance(t.previous.position, t.now), _distance(t.now.position, t.now)
-        return before - now + self.bonus * (now <= self.size)
+        """Return the distance gained: (N,) [m]."""
+        return _distance(t.previous.position, t.now) - _distance(t.now.position, t.now)
 
     def reached(self, t: Transition) -> NDArray[np.bool_]:
         """Return which worlds stand in the goal: (N,)."""

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from guard_api.physics.state import State, state_dtype, state_shapes
-from guard_api.physics.transition import Snapshot, Transition, rotation_matrices
-from guard_api.rotations import yaw_quaternion
+from guard_api.physics.transition import Snapshot, Transition
+from guard_api.rotations import to_matrix, yaw_quaternion
 from guard_api.scene.spec import SceneSpec
 
 
@@ -27,10 +27,18 @@ def snapshot(xy: np.ndarray, yaw: np.ndarray, **bodies: np.ndarray) -> Snapshot:
     return Snapshot(
         state=state,
         position=state.link_position[:, 0],
-        rotation=rotation_matrices(state.link_quaternion[:, 0]),
+        rotation=to_matrix(state.link_quaternion[:, 0]),
         linear_velocity=state.link_linear_velocity[:, 0],
         angular_velocity=state.link_angular_velocity[:, 0],
+        sensing_position=state.link_position,
+        sensing_rotation=to_matrix(state.link_quaternion),
+        segment_start=np.zeros((n, 0, 3)),
+        segment_end=np.zeros((n, 0, 3)),
+        segment_radius=np.zeros(0),
         bodies=placed,
+        origins=placed,
+        slices={},
+        steps_since_success=np.zeros(n, dtype=np.int64),
     )
 
 

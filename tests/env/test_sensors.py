@@ -10,21 +10,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from guard_api.model.robot import Sensor
-from guard_api.rotations import from_axis_angle, yaw_quaternion
-from guard_api.sensors.compass import compass
+from guard_api.rotations import from_axis_angle, to_matrix, yaw_quaternion
+from guard_api.sensors import kernels
 from guard_api.sensors.inertial import InertialSensors
-from guard_api.sensors.lidar import pseudo_lidar
+from guard_api.sensors.lidar import Lidar, compass
 from guard_api.shapes import Pose
 from guard_api.testing.robots import planar_point
 from tests.env.scenery import at_rest, snapshot
 
-ORIGIN = np.zeros((1, 2))
+ORIGIN, AHEAD = np.zeros((1, 2)), np.zeros(1)
 angles = st.floats(-np.pi, np.pi)
 
 
 def lidar_of(objects: np.ndarray, xy: np.ndarray = ORIGIN, yaw: float = 0.0) -> np.ndarray:
     now = snapshot(xy, np.array([yaw]), things=objects)
-    return pseudo_lidar(now, now.bodies["things"], 16, 1.0)[0]
+    return Lidar().read(now, now.bodies["things"])[0]
 
 
 def test_an_object_ahead_reads_exp_of_its_distance_in_sector_0() -> None:
@@ -34,6 +34,41 @@ def test_an_object_ahead_reads_exp_of_its_distance_in_sector_0() -> None:
     assert reading[1] == pytest.approx(share * np.exp(-2.0))
     assert reading[15] == pytest.approx((1 - share) * np.exp(-2.0))
     assert np.count_nonzero(reading) == 3
+
+
+SPATIAL = Lidar(bins=10, layers=6)
+
+
+@pytest.mark.parametrize("settings", [Lidar(), Lidar(aliasing=False), Lidar(max_distance=1.5), SPATIAL])
+def test_the_compiled_lidar_reads_what_the_plain_one_reads(settings: Lidar, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("numba")
+    rng = np.random.default_rng(0)
+    now = snapshot(rng.uniform(-2, 2, (20, 2)), rng.uniform(-4, 4, 20), things=rng.uniform(-2, 2, (20, 9, 3)))
+    now = replace(now, sensing_rotation=to_matrix(_random_quaternions(rng, (20, 1))))
+    compiled = settings.read(now, now.bodies["things"])
+    monkeypatch.setattr(kernels, "lidar", lambda: None)
+    np.testing.assert_allclose(compiled, settings.read(now, now.bodies["things"]), rtol=0, atol=1e-14)
+
+
+def test_a_spatial_lidar_reads_above_and_below_from_every_frame() -> None:
+    now = snapshot(ORIGIN, AHEAD, things=np.array([[[0.0, 0.0, 1.1]]]))  # one metre above the frame
+    cells = SPATIAL.read(now, now.bodies["things"]).reshape(10, 6)
+    assert cells[:, 5].max() == pytest.approx(np.exp(-1.0))
+    assert not cells[:, :5].any()  # it stands in the middle of nothing but the top layer's upper border
+    two = replace(now, sensing_position=np.zeros((1, 2, 3)), sensing_rotation=np.tile(np.eye(3), (1, 2, 1, 1)))
+    both = SPATIAL.read(two, now.bodies["things"]).reshape(2, 10, 6)
+    np.testing.assert_array_equal(both[0], both[1])
+
+
+def test_a_linear_lidar_ends_at_its_range() -> None:
+    now = snapshot(ORIGIN, AHEAD, things=np.array([[[2.9, 0.1], [3.1, 0.1]]]))
+    reading = Lidar(max_distance=3.0, aliasing=False).read(now, now.bodies["things"])[0]
+    assert reading.max() == pytest.approx(1.0 - np.hypot(2.9, 0.1) / 3.0)
+
+
+def _random_quaternions(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
+    q = rng.normal(size=(*shape, 4))
+    return q / np.linalg.norm(q, axis=-1, keepdims=True)
 
 
 def test_no_object_reads_zero() -> None:
@@ -48,8 +83,8 @@ def test_lidar_and_compass_turn_with_the_scene(turn: float, seed: int) -> None:
     turned = objects @ np.array([[c, s], [-s, c]])
     np.testing.assert_allclose(lidar_of(turned, yaw=turn), lidar_of(objects), atol=1e-9)
     before, after = snapshot(ORIGIN, np.zeros(1), things=objects), snapshot(ORIGIN, np.array([turn]), things=turned)
-    compasses = [compass(now, now.bodies["things"][:, 0], 2) for now in (before, after)]
-    np.testing.assert_allclose(*compasses, atol=1e-9)
+    first, second = (compass(now, now.bodies["things"][:, 0], 2) for now in (before, after))
+    np.testing.assert_allclose(first, second, atol=1e-9)
 
 
 @settings(max_examples=30, deadline=None)

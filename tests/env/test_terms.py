@@ -19,13 +19,11 @@ def test_goal_pays_the_distance_gained() -> None:
     assert Goal().reward(at_rest(now))[0] == 0.0
 
 
-def test_goal_pays_the_bonus_inside_and_only_inside() -> None:
-    inside = snapshot(ORIGIN, AHEAD, goal=np.array([[[0.5, 0.0]]]))
-    outside = snapshot(ORIGIN, AHEAD, goal=np.array([[[0.5001, 0.0]]]))
-    assert Goal().reward(at_rest(inside))[0] == 1.0
-    assert Goal().reached(at_rest(inside))[0]
-    assert Goal().reward(at_rest(outside))[0] == 0.0
-    assert not Goal().reached(at_rest(outside))[0]
+def test_the_goal_is_reached_inside_and_only_inside() -> None:
+    for distance, inside in ((0.0, True), (0.5, True), (0.5001, False)):
+        now = snapshot(ORIGIN, AHEAD, goal=np.array([[[distance, 0.0]]]))
+        assert Goal().reached(at_rest(now))[0] == inside
+        assert Goal().reward(at_rest(now))[0] == 0.0
 
 
 def test_hazards_cost_their_depth() -> None:

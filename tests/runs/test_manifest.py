@@ -67,12 +67,18 @@ def test_a_robot_package_that_does_not_import_is_said(monkeypatch):
         asset_hashes("point")
 
 
-def test_pytorch_is_named_where_it_is_installed(monkeypatch):
-    monkeypatch.setattr(metadata, "version", lambda name: "9.9" if name == "torch" else pytest.fail(name))
-    assert package_versions()["torch"] == "9.9"
+@pytest.mark.parametrize("package", ["torch", "numba"])
+def test_optional_packages_are_named_where_they_are_installed(monkeypatch, package):
+    def installed(name):
+        if name != package:
+            raise metadata.PackageNotFoundError(name)
+        return "9.9"
+
+    monkeypatch.setattr(metadata, "version", installed)
+    assert package_versions()[package] == "9.9"
 
     def missing(name):
         raise metadata.PackageNotFoundError(name)
 
     monkeypatch.setattr(metadata, "version", missing)
-    assert "torch" not in package_versions()
+    assert package not in package_versions()
