@@ -170,7 +170,6 @@ class RobotModel:
     reference: the frame that is "where the robot is" for tasks and 2-D costs; None stands for the root link's.
     lidar: frames that carry a lidar and a compass each; empty stands for the reference alone.
     segments: what 3-D distances are measured from; empty stands for the reference as a point.
-    touch_links: links whose contact force is measured, in the order of `State.touch`.
     keepout: radius kept free around the robot when a layout is sampled [m].
     timestep: physics step [s], the same in every engine. substeps: physics steps per environment step.
     collide_ground: False for planar robots of fixed height, which must not rub on the floor.
@@ -187,7 +186,6 @@ class RobotModel:
     lidar: tuple[Frame, ...] = ()
     segments: tuple[Segment, ...] = ()
     sensors: tuple[Sensor, ...] = ()
-    touch_links: tuple[str, ...] = ()
     home: Home = field(default_factory=Home)
     keepout: float = 0.4
     timestep: float = 0.002
