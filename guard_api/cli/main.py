@@ -16,6 +16,7 @@ COMMANDS: Final[dict[str, str]] = {
     "train": "train a policy on one backend",
     "eval": "evaluate a trained policy on any backend",
     "transfer": "train on some backends, evaluate on all: the transfer matrix",
+    "robot": "show a robot as tables and a picture, or check its files and what the simulators make of them",
     "conform": "check a backend against the contract, clause by clause",
     "bench": "measure steps per second and the overhead over raw physics",
     "report": "write the report of a transfer directory again",

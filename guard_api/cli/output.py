@@ -22,7 +22,7 @@ def print_table(title: str, columns: Sequence[str], rows: Iterable[Iterable[Any]
         table.add_column(column, overflow="fold")
     for row in rows:
         table.add_row(*(_cell(value) for value in row))
-    Console(soft_wrap=False).print(table)
+    Console(soft_wrap=False, markup=False).print(table)  # units in [brackets] are no markup
 
 
 def _cell(value: Any) -> str:

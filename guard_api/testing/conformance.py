@@ -43,6 +43,11 @@ class CheckResult:
         return self.status in {"passed", "gap", "gap passes"}
 
     @property
+    def robot(self) -> str:
+        """The robot whose check this is; empty for those of the suite's own robots."""
+        return self.name.partition(":")[2]
+
+    @property
     def worst(self) -> Finding | None:
         """The finding nearest to, or furthest over, its tolerance; None when the check raised before it measured."""
         return max(self.findings, key=_strain, default=None)

@@ -1,0 +1,46 @@
+"""One sheet with the picture of every robot, captioned."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from PIL import Image as Pillow
+from PIL import ImageDraw, ImageFont
+
+from guard_api.model.robot import RobotModel
+from guard_api.viewer.picture import Image, robot_picture
+
+CELL: Final = (480, 380)
+"""Width and height of one robot's picture on the sheet [pixel]."""
+
+GAP: Final = 8
+CAPTION: Final = 52
+"""Space between pictures, and below each for its caption [pixel]."""
+
+INK, MUTED, PAPER = (31, 41, 51), (103, 114, 126), (255, 255, 255)
+
+
+def contact_sheet(robots: Sequence[RobotModel], columns: int = 4) -> Image:
+    """Return one picture (height, width, 3) of all `robots` at home, row by row."""
+    columns = min(columns, len(robots))
+    rows = math.ceil(len(robots) / columns)
+    width, height = CELL[0] + GAP, CELL[1] + CAPTION + GAP
+    sheet = Pillow.new("RGB", (columns * width + GAP, rows * height + GAP), PAPER)
+    draw = ImageDraw.Draw(sheet)
+    for i, robot in enumerate(robots):
+        x, y = GAP + i % columns * width, GAP + i // columns * height
+        sheet.paste(Pillow.fromarray(robot_picture(robot, size=CELL)), (x, y))
+        draw.text((x + 4, y + CELL[1] + 4), robot.name, fill=INK, font=ImageFont.load_default(22))
+        draw.text((x + 4, y + CELL[1] + 31), caption(robot), fill=MUTED, font=ImageFont.load_default(14))
+    return np.asarray(sheet)
+
+
+def caption(robot: RobotModel) -> str:
+    """Return what a robot is in a few words."""
+    mass = sum(link.mass for link in robot.links)
+    joints = sum(not joint.name.startswith("base_") for joint in robot.joints)
+    weight = f"{mass:.3g} kg" if mass >= 1.0 else f"{1000 * mass:.3g} g"
+    return f"{robot.base} base, {joints} joints, {len(robot.actuators)} actuators, {weight}"
