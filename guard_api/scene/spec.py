@@ -42,12 +42,34 @@ class BodySpec:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Placement:
+    """Where things may be put when an episode starts, and again when they respawn.
+
+    rectangles: (xmin, ymin, xmax, ymax) [m] areas, chosen by their size; none stands for the environment's extents.
+    locations: (x, y) [m] of the first ones, instead of a free place.
+    radius: (least, most) distance from the world's origin in the plane [m]. distance: the most in space [m].
+    heights: (low, high) [m], drawn uniformly; None stands for the body's own height.
+    clearance: least distance in space between the centre and the robot as it starts [m] (see `Snapshot.distance`).
+    onto: the group on one of whose bodies, drawn at random, the thing stands instead of on a free place.
+    """
+
+    rectangles: tuple[tuple[float, float, float, float], ...] = ()
+    locations: tuple[tuple[float, float], ...] = ()
+    radius: tuple[float, float] = (0.0, float("inf"))
+    distance: float = float("inf")
+    heights: tuple[float, float] | None = None
+    clearance: float = 0.0
+    onto: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class BodyGroup:
     """`count` equal bodies under one name, such as eight hazards."""
 
     name: str
     body: BodySpec
     count: int
+    placement: Placement = Placement()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
