@@ -75,12 +75,12 @@ def check_vocabulary(
 
 
 def known_elements(root: Element, language: Mapping[str, Words]) -> Iterator[Element]:
-    """Yield `root` and every element below that is reached through elements that are read."""
+    """Yield `root` and every element below that is reached through elements that are read, in file order."""
     pending = [root]
     while pending:
         element = pending.pop()
         yield element
-        pending.extend(child for child in element.children() if child.tag in language[element.tag].children)
+        pending.extend([child for child in element.children() if child.tag in language[element.tag].children][::-1])
 
 
 def _misspelt(node: Element, word: str, known: tuple[str, ...], ignored: tuple[str, ...], place: str) -> bool:

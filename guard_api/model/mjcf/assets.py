@@ -16,6 +16,9 @@ from guard_api.model.mjcf.compiler import Compiler
 from guard_api.model.mjcf.defaults import Defaults
 from guard_api.shapes import Mesh, Vector3
 
+AS_CONVEX = 1e-6
+"""Share of its hull that a mesh may lack and still be convex, but for rounding."""
+
 Rgba = tuple[float, float, float, float]
 
 _REFERENCE = {"refpos": (0.0, 0.0, 0.0), "refquat": (1.0, 0.0, 0.0, 0.0)}
@@ -23,22 +26,30 @@ _REFERENCE = {"refpos": (0.0, 0.0, 0.0), "refquat": (1.0, 0.0, 0.0, 0.0)}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeshAsset:
-    """A mesh file: `scale` of its coordinates, and whether its mass is that of its `convex` hull."""
+    """A mesh file: `scale` of its coordinates; `solid`: which inside has mass.
+
+    solid: "convex", that of its hull; "exact", its own; "legacy", its own if that is convex: MuJoCo, whose default
+    this is, counts parts of others twice.
+    """
 
     name: str
     file: Path
     scale: Vector3
-    convex: bool
+    solid: str
 
     def shape(self) -> Mesh:
         """Return the convex hull. Raises ValueError, with the reason, for a file that is no mesh or is flat."""
         return Mesh(vertices=hull_vertices(self.file, self.scale), source=self.file.name)
 
     def mass_properties(self, density: float) -> MassProperties:
-        """Return those of the solid that the mesh bounds. Raises ValueError for a mesh that is not closed."""
-        if self.convex:
-            return of_shape(self.shape(), density)
-        return _solid(self.file, self.file.stat().st_mtime_ns, self.scale, density)
+        """Return those of the solid that the mesh bounds. Raises ValueError for a mesh without a clear one."""
+        hull = of_shape(self.shape(), density)
+        if self.solid == "convex":
+            return hull
+        whole = _solid(self.file, self.file.stat().st_mtime_ns, self.scale, density)
+        if self.solid == "legacy" and abs(whole.mass - hull.mass) > AS_CONVEX * hull.mass:
+            raise ValueError("it is not convex, so say inertia='exact' or inertia='convex' in <mesh>")
+        return whole
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,7 +104,7 @@ def _mesh(node: Element, compiler: Compiler) -> MeshAsset | None:
     if not file.is_file():
         node.error(f"mesh file {name!r} does not exist: put it into {node.file.parent / compiler.mesh_folder}")
         return None
-    return MeshAsset(name=_mesh_name(node), file=file, scale=scale, convex=inertia == "convex")
+    return MeshAsset(name=_mesh_name(node), file=file, scale=scale, solid=inertia)
 
 
 @lru_cache(maxsize=64)
@@ -104,7 +115,7 @@ def _solid(file: Path, modified: int, scale: Vector3, density: float) -> MassPro
     mesh = trimesh.load_mesh(file, process=True)
     mesh.apply_scale(scale)
     if not mesh.is_watertight:
-        raise ValueError("it is not closed, so it has no mass")
+        raise ValueError("it is not closed: close it, or say inertia='convex' in <mesh>")
     mesh.density = density if mesh.volume > 0.0 else -density  # a mesh may be inside out
     whole = mesh.mass_properties
     return MassProperties(

@@ -184,7 +184,7 @@ def _site_pose(node: Element, document: Document) -> Pose:
 
 def _name(node: Element, default: str) -> str:
     name = node.attributes.get("name", "")
-    if not name:
+    if not name and node.tag != "freejoint":
         node.note(f"the <{node.tag}> without a name is called {default!r}")
     return name or default
 

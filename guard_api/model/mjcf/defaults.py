@@ -27,10 +27,10 @@ class Defaults:
             self._read(node, MAIN)
 
     def applied(self, node: Element, childclass: str | None) -> Element:
-        """Return `node` with the attributes of its class; `childclass` is the one of the bodies around it."""
-        name = node.attributes.get("class", childclass or MAIN)
-        self.check_class(node, name)
-        return extended(node, self._classes.get(name, {}).get(node.tag, {}))
+        """Return `node` with the attributes of its class; `childclass` is the one around it, checked before."""
+        own = node.attributes.get("class")
+        self.check_class(node, own)
+        return extended(node, self._classes.get(own or childclass or MAIN, {}).get(node.tag, {}))
 
     def check_class(self, node: Element, name: str | None) -> None:
         """Report a class that nothing defines."""
@@ -39,9 +39,10 @@ class Defaults:
 
     def _read(self, node: Element, name: str) -> None:
         own = self._classes[name]
-        for child in node.children():
-            if child.tag == "default":
-                continue
+        written = [child for child in node.children() if child.tag != "default"]
+        for number, child in enumerate(written):
+            if child.tag in [other.tag for other in written[:number]]:
+                child.error(f"class {name!r} has more than one <{child.tag}>: keep one")
             for tag in ACTUATORS if child.tag in ACTUATORS else (child.tag,):
                 shared = {k: v for k, v in child.attributes.items() if tag == child.tag or k not in _OWN}
                 own[tag] = own.get(tag, {}) | shared

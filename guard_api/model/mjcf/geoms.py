@@ -180,9 +180,7 @@ def _solid(geom: Geom, density: float) -> MassProperties | None:
         try:
             return geom.mesh.mass_properties(density)
         except ValueError as error:
-            geom.node.error(
-                f"mesh {geom.mesh.name!r}: {error}; close it, give it inertia='convex', or give the body an <inertial>"
-            )
+            geom.node.error(f"mesh {geom.mesh.name!r} has no clear mass: {error}, or give the body an <inertial>")
             return None
     if isinstance(geom.shape, Ellipsoid):
         square = np.square(geom.shape.radii)

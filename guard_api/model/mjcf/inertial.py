@@ -20,6 +20,7 @@ def read_inertial(node: Element, body: str, frame: Pose, document: Document) -> 
     mass = node.number("mass")
     if mass <= 0.0:
         node.error(f"body {body!r}: mass {mass:g} kg must be positive; a body without mass has no <inertial>")
+        mass = 1.0
     inertia = _inertia(node)
     reason = impossibility(inertia)
     if reason:

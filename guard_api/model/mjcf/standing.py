@@ -41,6 +41,7 @@ def stand(node: Element, body: str, pose: Pose, joints: Sequence[BodyJoint], sta
         node.error(f"the joints of body {body!r} contradict base.kind = {stated!r} in robot.toml: keep one")
     if free and len(joints) > 1:
         node.error(f"body {body!r} has a free joint and others: a free joint must be the only one")
+        joints = [joint for joint in joints if joint.joint.kind == "floating"][:1]
     if stated == "planar" and not free:
         return _planar(node, body, pose, place, joints)
     if stated == "floating" and not joints:
