@@ -85,6 +85,13 @@ class Mlp:
             if i > 0:
                 cotangent = _through_tanh(cotangent @ weight, activations[i])
 
+    def input_gradient(self, parameters: Tensor, activations: list[Tensor], cotangent: Tensor) -> Tensor:
+        """Return the gradient (M, in) of sum(y * outputs) by the inputs, for `cotangent` y (M, out)."""
+        layers = self.layers(parameters)
+        for i in reversed(range(1, len(layers))):
+            cotangent = _through_tanh(cotangent @ layers[i][0], activations[i])
+        return cotangent @ layers[0][0]
+
 
 def _through_tanh(slope: Tensor, output: Tensor) -> Tensor:
     """Return slope * tanh' where `output` is the tanh layer's value: the same factor in both directions."""
