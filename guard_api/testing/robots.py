@@ -151,6 +151,10 @@ def floating_tree() -> RobotModel:
     return _robot("floating_tree", links, joints, actuators, height=1.0, base="floating")
 
 
+ANT_LEG = 0.1 * 2**0.5
+"""Length of the ant's shins, ankle to foot [m]; the feet are balls of 0.02 m about their ends."""
+
+
 def ant(*, friction: float = 0.75, armature: float = 1.0, damping: float = 1.0, density: float = 5.0) -> RobotModel:
     """Return GUARD's ant: 13.6 g on four feet, moved by eight rotors of 1 kg m^2 that outweigh it a thousand times.
 
@@ -178,7 +182,7 @@ def ant(*, friction: float = 0.75, armature: float = 1.0, damping: float = 1.0, 
                 )
             )  # fmt: skip
     motors = [_motor(joint.name, 30.0) for joint in joints]
-    robot = _robot("ant", links, joints, motors, height=0.02 + 0.1 * 2**0.5 * 0.5, base="floating")
+    robot = _robot("ant", links, joints, motors, height=0.02 + ANT_LEG * 0.5, base="floating")
     home = {joint.name: np.deg2rad(30.0) for joint in joints if joint.name.startswith("ankle")}
     feet = tuple(sensor for sensor in robot.sensors if str(sensor.link).startswith("shin"))
     return replace(robot, home=replace(robot.home, joint_position=home), sensors=feet, timestep=0.02)

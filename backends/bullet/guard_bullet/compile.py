@@ -8,14 +8,13 @@ from dataclasses import dataclass
 from guard_api.errors import BackendError
 from guard_api.scene.spec import BodySpec, SceneSpec
 from guard_api.shapes import Mesh
-from guard_bullet.dominance import rotor_joints
+from guard_bullet.dominance import NEGLIGIBLE, can_touch
 from guard_bullet.engine import Client, connect, disconnect, pybullet, solve_directly
-from guard_bullet.robot import BASE, build_robot, neutralise
+from guard_bullet.robot import BASE, NO_ROBOT, build_robot, neutralise
+from guard_bullet.rotors import build_rotors, geared_joints
 from guard_bullet.shapes import body_collision, body_frame, collision_shape, xyzw
 from guard_bullet.surfaces import Surfaces, surfaces
 from guard_bullet.surfaces import approximations as surface_approximations
-
-NO_ROBOT = -1
 
 SCATTER = 1000.0
 """Distance between things in the pristine state [m]."""
@@ -29,6 +28,7 @@ class Instance:
     """One world's engine instance.
 
     robot: the engine's number of the robot, NO_ROBOT without one; joints: its indices of the robot's joints, in order.
+    rotors: its number of the rotors' wheels, NO_ROBOT without any.
     bodies: its numbers of the bodies, in the scene's order.
     pristine: the engine's number of the state right after building, without any contact or history.
     """
@@ -37,6 +37,7 @@ class Instance:
     pristine: int
     robot: int
     joints: list[int]
+    rotors: int
     bodies: tuple[int, ...]
 
 
@@ -47,11 +48,12 @@ def build_instance(scene: SceneSpec) -> Instance:
     """
     client = connect(scene)
     try:
-        if scene.robot and rotor_joints(scene.robot):
+        if scene.robot and geared_joints(scene, scene.robot):
             solve_directly(client)
         surface = surfaces(scene)
         ground = _build_ground(client, surface) if scene.ground else None
         robot = build_robot(client, scene.robot, surface) if scene.robot else NO_ROBOT
+        rotors = build_rotors(client, scene, scene.robot, robot) if scene.robot else NO_ROBOT
         bodies = tuple(_build_body(client, body, surface) for body in scene.bodies)
         if scene.preset == "rigid":
             _let_bounce(client, scene, bodies)
@@ -66,7 +68,8 @@ def build_instance(scene: SceneSpec) -> Instance:
         raise
     _scatter(client, [*([robot] if scene.robot else []), *bodies])
     joints = list(range(len(scene.robot.joints))) if scene.robot else []
-    return Instance(client=client, pristine=pybullet.saveState(client), robot=robot, joints=joints, bodies=bodies)
+    pristine = pybullet.saveState(client)
+    return Instance(client=client, pristine=pristine, robot=robot, joints=joints, rotors=rotors, bodies=bodies)
 
 
 def forget(instance: Instance) -> None:
@@ -132,15 +135,14 @@ def _build_body(client: Client, spec: BodySpec, surface: Surfaces) -> int:
 
 
 def _armature_approximations(scene: SceneSpec) -> Iterator[str]:
-    if scene.robot is None or not any(link.collisions for link in scene.robot.links):
+    robot = scene.robot
+    if robot is None or not can_touch(scene, robot):
         return
-    led = rotor_joints(scene.robot)
-    names = [joint.name for i, joint in enumerate(scene.robot.joints) if i in led]
+    geared = geared_joints(scene, robot)
+    names = [j.name for i, j in enumerate(robot.joints) if i not in geared and (j.armature > 0.0 or j.damping > 0.0)]
     if names:
-        yield f"contacts reach the armature of joints {', '.join(names)} one substep late"
-    names = [joint.name for i, joint in enumerate(scene.robot.joints) if joint.armature > 0.0 and i not in led]
-    if names:
-        yield f"contacts and stops feel joints {', '.join(names)} without their armature"
+        share = f"less than {NEGLIGIBLE:.0%} of the inertia that they move"
+        yield f"contacts and stops feel joints {', '.join(names)} without their armature and implicit damping, {share}"
 
 
 def _shape_approximations(scene: SceneSpec) -> Iterator[str]:

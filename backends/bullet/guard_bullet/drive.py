@@ -11,12 +11,12 @@ from guard_api.model.robot import RobotModel
 from guard_api.physics.actuation import ActuationLaw
 from guard_api.scene.spec import SceneSpec
 from guard_bullet.compile import Instance
-from guard_bullet.dominance import rotor_joints
+from guard_bullet.dominance import rotor_inertias
 from guard_bullet.engine import pybullet
 from guard_bullet.motion import FIELDS, RobotMotion
-from guard_bullet.passive import EngineSolution, PassiveLaw
+from guard_bullet.passive import PassiveLaw
 from guard_bullet.robot import BASE
-from guard_bullet.rotors import Rotors
+from guard_bullet.rotors import geared_joints
 from guard_bullet.shapes import principal
 
 Array = NDArray[np.float64]
@@ -25,17 +25,16 @@ Array = NDArray[np.float64]
 class RobotDrive:
     """The actuation law of one robot in N worlds, together with the motion that it acts on.
 
-    effort: (N, J) actuator effort in the last substep. rotors: None for a robot without dominating armatures.
+    effort: (N, J) actuator effort in the last substep.
     """
 
     def __init__(self, scene: SceneSpec, robot: RobotModel, num_worlds: int) -> None:
         self.motion = RobotMotion(robot, num_worlds)
         self.law = ActuationLaw(robot)
         self.passive = PassiveLaw(scene, robot)
-        self.rotors = Rotors(scene, robot, num_worlds) if rotor_joints(robot) else None
-        if self.rotors and isinstance(self.passive.accelerations, EngineSolution):
-            self.passive.accelerations.reaction = self.rotors.reaction
-            self.motion.reads_motors = True
+        self._geared_joints = geared_joints(scene, robot)
+        self._wheels = list(range(len(self._geared_joints)))
+        self._wheel_inertia = rotor_inertias(scene, robot)[self._geared_joints]
         self.effort = np.zeros((num_worlds, len(robot.joints)))
         self._geared = np.zeros((num_worlds, self.law.num_controls))
         self._thrust = self.law.thrust(self._geared)
@@ -71,40 +70,36 @@ class RobotDrive:
         torque, acceleration = self.passive.torque(instances, motion, effort, self._thrust)
         finite = np.logical_and.reduce(np.isfinite(torque), axis=1)
         worlds = worlds if finite.all() else [world for world in worlds if finite[world]]
-        if self.rotors and acceleration is not None:
-            self._advance_with_rotors(self.rotors, worlds, instances, torque, acceleration)
-        else:
-            self._step(worlds, instances, torque)
-            self._read(worlds, instances)
+        if self._wheels and acceleration is not None:
+            self._turn_wheels(worlds, instances, acceleration)
+        self._step(worlds, instances, torque)
+        self._read(worlds, instances)
         return finite & motion.finite
+
+    def write(self, world: int, instance: Instance) -> None:
+        """Put world number `world` into its engine instance."""
+        self.motion.write(world, instance)
+        q, qd = self.motion.q[world, self._geared_joints], self.motion.qd[world, self._geared_joints]
+        for wheel, (angle, speed) in enumerate(zip((-q).tolist(), (-qd).tolist(), strict=True)):
+            pybullet.resetJointState(instance.rotors, wheel, angle, speed, physicsClientId=instance.client)
 
     def clear(self, mask: NDArray[np.bool_]) -> None:
         """Forget the last substep of the worlds where `mask` is true."""
         self.effort[mask] = 0.0
-        if self.rotors:
-            self.rotors.reaction[mask] = 0.0
 
     def arrays(self) -> dict[str, Array]:
         """Return what a snapshot keeps, by name."""
-        arrays = {name: getattr(self.motion, name) for name in FIELDS} | {"effort": self.effort}
-        return arrays | ({"reaction": self.rotors.reaction} if self.rotors else {})
+        return {name: getattr(self.motion, name) for name in FIELDS} | {"effort": self.effort}
 
-    def _advance_with_rotors(
-        self, rotors: Rotors, worlds: list[int], instances: list[Instance], torque: Array, acceleration: Array
-    ) -> None:
-        """Make one substep in which the motors lead the rotors' joints, and measure what the contacts did."""
-        assert isinstance(self.passive.accelerations, EngineSolution)
-        targets = rotors.targets(self.motion, acceleration).tolist()
+    def _turn_wheels(self, worlds: list[int], instances: list[Instance], acceleration: Array) -> None:
+        """Give the rotors' wheels the torque with which they keep up with their joints, for one substep."""
+        rows = (-self._wheel_inertia * acceleration[:, self._geared_joints]).tolist()
         for world in worlds:
+            instance = instances[world]
             pybullet.setJointMotorControlArray(
-                instances[world].robot, rotors.joints, pybullet.VELOCITY_CONTROL, targetVelocities=targets[world],
-                forces=rotors.strengths, physicsClientId=instances[world].client,
+                instance.rotors, self._wheels, pybullet.TORQUE_CONTROL, forces=rows[world],
+                physicsClientId=instance.client,
             )  # fmt: skip
-        before = self.motion.copied()
-        self._step(worlds, instances, torque)
-        self._read(worlds, instances)
-        torque = torque + self.motion.motor_torque
-        rotors.observe(worlds, before, self.motion, self.passive.accelerations.terms, torque)
 
     def _step(self, worlds: list[int], instances: list[Instance], torque: Array) -> None:
         set_torques, step, mode = pybullet.setJointMotorControlArray, pybullet.stepSimulation, pybullet.TORQUE_CONTROL

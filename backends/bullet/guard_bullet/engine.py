@@ -76,8 +76,8 @@ def connect(scene: SceneSpec) -> Client:
 def solve_directly(client: Client) -> None:
     """Let the engine solve its constraints by elimination instead of iteration.
 
-    A motor that leads a leg of grams and a contact at its foot are nearly the same constraint: iterating over them
-    takes thousands of rounds. The softness keeps the matrix regular where constraints repeat each other.
+    A gear between a leg of grams and its rotor and a contact at its foot are nearly the same constraint: iterating over
+    them takes thousands of rounds. The softness keeps the matrix regular where constraints repeat each other.
     """
     with quiet():
         pybullet.setPhysicsEngineParameter(

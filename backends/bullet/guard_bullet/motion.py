@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from copy import copy
-from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,16 +17,13 @@ from guard_bullet.shapes import xyzw
 
 Array = NDArray[np.float64]
 
-# Columns of a joint state as the engine reports it: position, velocity, (reaction forces), motor torque.
-_WITHOUT_MOTOR, _WITH_MOTOR = itemgetter(0, 1), itemgetter(0, 1, 3)
-
 FIELDS = ("q", "qd", "base_position", "base_quaternion", "base_linear", "base_angular")
 
 
 class RobotMotion:
     """Joint and base coordinates of N worlds in GUARD's conventions, mirrored from the engine.
 
-    q, qd: (N, J). motor_torque: (N, J) of the engine's velocity motors in the last substep, if `reads_motors`.
+    q, qd: (N, J).
     base_position, base_linear, base_angular: (N, 3), base_quaternion: (N, 4) of the first link's frame, world axes.
     finite: (N,) False once the engine's numbers of a world were not; the arrays keep the last finite ones.
     The engine speaks of the base's centre of mass and principal axes instead; only a floating base moves.
@@ -36,8 +32,6 @@ class RobotMotion:
     def __init__(self, robot: RobotModel, num_worlds: int) -> None:
         joints = len(robot.joints)
         self.q, self.qd = np.zeros((num_worlds, joints)), np.zeros((num_worlds, joints))
-        self.reads_motors = False
-        self.motor_torque = np.zeros((num_worlds, joints))
         self.base_position, self.base_quaternion = np.zeros((num_worlds, 3)), np.zeros((num_worlds, 4))
         self.base_quaternion[:, 0] = 1.0
         self.base_linear, self.base_angular = np.zeros((num_worlds, 3)), np.zeros((num_worlds, 3))
@@ -72,15 +66,13 @@ class RobotMotion:
         """Fetch the joints of `worlds`; `instances` are all N engine instances."""
         if not self.q.shape[1]:
             return
-        read, rows, columns = pybullet.getJointStates, [], _WITH_MOTOR if self.reads_motors else _WITHOUT_MOTOR
+        read, rows = pybullet.getJointStates, []
         for world in worlds:
             instance = instances[world]
-            rows.append(list(map(columns, read(instance.robot, instance.joints, instance.client))))
+            rows.append([state[:2] for state in read(instance.robot, instance.joints, instance.client)])
         joints = np.array(rows).reshape(len(worlds), self.q.shape[1], -1)
         worlds, joints = self._only_finite(worlds, joints)
         self.q[worlds], self.qd[worlds] = joints[:, :, 0], joints[:, :, 1]
-        if self.reads_motors:
-            self.motor_torque[worlds] = joints[:, :, 2]
 
     def read_base(self, worlds: list[int], instances: list[Instance]) -> None:
         """Fetch the floating base of `worlds`; a fixed base stays where the start put it."""
@@ -108,13 +100,6 @@ class RobotMotion:
         quaternion = rotations.multiply(self.base_quaternion, self._axes)
         linear = self.base_linear + rotations.cross(self.base_angular, arm)
         return position, quaternion, linear, self.base_angular
-
-    def copied(self) -> RobotMotion:
-        """Return a copy that keeps what this one holds now."""
-        twin = copy(self)
-        for name in FIELDS:
-            setattr(twin, name, getattr(self, name).copy())
-        return twin
 
     def only(self, world: int) -> RobotMotion:
         """Return a copy that holds nothing but world number `world`."""

@@ -6,8 +6,8 @@ it arrives at the same a is
 
     torque = effort - D (qd + h a) - A a.
 
-It is exact as long as nothing but the actuators acts on the robot; what a contact or a joint stop adds within a substep
-is felt without the armature and without the implicit part of the damping.
+It is exact as long as nothing but the actuators acts on the robot. What a contact or a joint stop adds within a substep
+feels armature and implicit damping through the wheels of `guard_bullet.rotors`.
 """
 
 from __future__ import annotations
@@ -132,14 +132,9 @@ class PlanarBody:
 
 
 class EngineSolution:
-    """The engine's mass matrix and bias force, world by world; the systems solved for all worlds together.
-
-    terms: mass matrix (N, D, D) and bias (N, D) of the last call. reaction: (N, D) further generalised force, or None.
-    """
+    """The engine's mass matrix and bias force, world by world; the systems solved for all worlds together."""
 
     def __init__(self, scene: SceneSpec, robot: RobotModel) -> None:
-        self.terms = np.zeros((0, 0, 0)), np.zeros((0, 0))
-        self.reaction: Array | None = None
         self._equations = EngineDynamics(scene, robot)
         self._damping = np.array([joint.damping for joint in robot.joints])
         extra = np.zeros(self._equations.num_coordinates)
@@ -150,8 +145,8 @@ class EngineSolution:
     def __call__(self, instances: list[Instance], motion: RobotMotion, effort: Array, thrust: Array) -> Array:
         """Solve (M + A + h D) a = effort - D qd - bias, the base's rows included."""
         del thrust
-        self.terms = matrix, bias = self._equations(instances, motion)
-        right = -bias if self.reaction is None else self.reaction - bias
+        matrix, bias = self._equations(instances, motion)
+        right = -bias
         right[:, self._joints] += effort - self._damping * motion.qd
         solution = np.linalg.solve(matrix + self._extra, right[:, :, None])
         return np.asarray(solution[:, self._joints, 0], np.float64)

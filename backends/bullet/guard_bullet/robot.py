@@ -5,12 +5,12 @@ from __future__ import annotations
 from guard_api.errors import BackendError
 from guard_api.model.robot import Joint, RobotModel
 from guard_api.shapes import IDENTITY
-from guard_bullet.dominance import rotor_joints
 from guard_bullet.engine import Client, pybullet
 from guard_bullet.pairs import connected, self_collides
 from guard_bullet.shapes import Principal, collision_shape, principal, xyzw
 from guard_bullet.surfaces import ROBOT_RESTITUTION, Surfaces, link_friction
 
+NO_ROBOT = -1
 BASE = -1
 """The engine's index of a body's first link; model link i has index i - 1."""
 
@@ -88,21 +88,16 @@ def neutralise(client: Client, body: int, index: int, *, friction: float, restit
 
 
 def _set_joints(client: Client, body: int, robot: RobotModel) -> None:
-    led = rotor_joints(robot)
     for index, joint in enumerate(robot.joints):
-        if index not in led:  # a rotor has its own stop and friction, which the engine's would fight
-            _set_joint(client, body, index, joint)
-
-
-def _set_joint(client: Client, body: int, index: int, joint: Joint) -> None:
-    if joint.limits is not None:
-        lower, upper = joint.limits
-        pybullet.changeDynamics(body, index, jointLowerLimit=lower, jointUpperLimit=upper, physicsClientId=client)
-    # The engine brakes every joint by a velocity motor at rest; with the joint's dry friction as its strength, that
-    # motor is Coulomb friction, and with strength 0 it is off.
-    pybullet.setJointMotorControl2(
-        body, index, pybullet.VELOCITY_CONTROL, targetVelocity=0.0, force=joint.friction_loss, physicsClientId=client
-    )
+        if joint.limits is not None:
+            lower, upper = joint.limits
+            pybullet.changeDynamics(body, index, jointLowerLimit=lower, jointUpperLimit=upper, physicsClientId=client)
+        # The engine brakes every joint by a velocity motor at rest; with the joint's dry friction as its strength, that
+        # motor is Coulomb friction, and with strength 0 it is off.
+        pybullet.setJointMotorControl2(
+            body, index, pybullet.VELOCITY_CONTROL, targetVelocity=0.0, force=joint.friction_loss,
+            physicsClientId=client,
+        )  # fmt: skip
 
 
 def _filter_neighbours(client: Client, body: int, robot: RobotModel) -> None:

@@ -1,77 +1,85 @@
-"""Armature that contacts feel: joints whose rotor outweighs everything the joint can move.
+"""Armature and implicit damping that contacts, stops and dry friction feel: a geared rotor beside the joint.
 
-The torque of `guard_bullet.passive` gives such a joint the right acceleration only while nothing touches the robot: the
-engine's link alone would answer a contact, a thousand times lighter than link and rotor together. Here the rotor leads:
-each substep its velocity is computed with the armature, and a velocity motor of the engine makes the joint follow it,
-whatever touches the robot. What the contacts did to the robot is measured after every substep,
+The engine has no armature. A second articulated body has one hinge per joint, each with a wheel whose inertia about
+the hinge is A + h D, on a base welded to the world; a gear makes the wheel turn at the joint's speed, the other way
+round. The wheel's energy is (A + h D) qd^2 / 2 whatever the link does, and its reaction goes to the world: that is
+armature, exactly, for every force that the engine's solver knows of.
 
-    g = M (u' - u) / h + bias - torque,
+The torques of `guard_bullet.passive` give joint and wheel the same acceleration as long as nothing else acts. Then the
+gear carries nothing, and motion in the air stays exact to rounding; it carries no more than the wheels' share of
+contacts.
 
-(u: all velocities, torque: commanded and motor's) and acts on the rotors in the next one: momentum is conserved, a
-substep late. That delay is stable while the inertia behind the contact is smaller than the armature, which is the
-condition for treating a joint this way.
+The engine's direct solver has a fault: of two constraints it takes the coupling from the first one's first body alone,
+and an upper joint stop has its force on the second, which is the same robot. So it would not see that an upper stop and
+a gear hold the same joint. Lower stops are right: a joint's upper stop is the lower one of its wheel, which turns the
+other way round.
 """
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
-from guard_api import rotations
 from guard_api.model.robot import RobotModel
 from guard_api.scene.spec import SceneSpec
-from guard_bullet.dominance import rotor_joints
-from guard_bullet.equations import EngineDynamics
-from guard_bullet.motion import RobotMotion
+from guard_bullet.dominance import rotor_inertias
+from guard_bullet.engine import Client, pybullet
+from guard_bullet.robot import BASE, NO_ROBOT, neutralise
 
-Array = NDArray[np.float64]
+STRENGTH = 1e30
+"""Force that a gear may use: no limit."""
 
-STRENGTH = 1e9
-"""Torque that the motors may use [N m] or [N]: no limit in practice."""
+FAR = 1e6
+"""Where a stop is out of reach [rad] or [m]."""
+
+_NO_TURN = [0.0, 0.0, 0.0, 1.0]
 
 
-class Rotors:
-    """The rotors of `joints` in N worlds, and the contact forces that they have yet to feel.
+def geared_joints(scene: SceneSpec, robot: RobotModel) -> list[int]:
+    """Return the joints that have a wheel; wheel k belongs to the k-th of them."""
+    return [i for i, inertia in enumerate(rotor_inertias(scene, robot)) if inertia > 0.0]
 
-    reaction: (N, D) generalised force of contacts and joint stops in the last substep, engine coordinates.
-    """
 
-    def __init__(self, scene: SceneSpec, robot: RobotModel, num_worlds: int) -> None:
-        self.joints = rotor_joints(robot)
-        self.strengths = [STRENGTH] * len(self.joints)
-        self._timestep = scene.timestep
-        self._equations = EngineDynamics(scene, robot)
-        self._num_base = self._equations.num_coordinates - len(robot.joints)
-        self.reaction = np.zeros((num_worlds, self._equations.num_coordinates))
-        limits = [robot.joints[j].limits or (-np.inf, np.inf) for j in self.joints]
-        self._lower, self._upper = np.array(limits).reshape(-1, 2).T
-        self._friction = np.array([robot.joints[j].friction_loss for j in self.joints])
-        self._inertia = np.array([robot.joints[j].armature for j in self.joints])
+def build_rotors(client: Client, scene: SceneSpec, robot: RobotModel, body: int) -> int:
+    """Create the wheels of `robot`, which is `body` in `client`, and return their body; NO_ROBOT if it needs none."""
+    joints = geared_joints(scene, robot)
+    if not joints:
+        return NO_ROBOT
+    count, inertia = len(joints), rotor_inertias(scene, robot)
+    wheels = pybullet.createMultiBody(
+        baseMass=0.0,
+        linkMasses=[1.0] * count,
+        linkCollisionShapeIndices=[-1] * count,
+        linkVisualShapeIndices=[-1] * count,
+        linkPositions=[[0.0, 0.0, 0.0]] * count,
+        linkOrientations=[_NO_TURN] * count,
+        linkInertialFramePositions=[[0.0, 0.0, 0.0]] * count,
+        linkInertialFrameOrientations=[_NO_TURN] * count,
+        linkParentIndices=[0] * count,
+        linkJointTypes=[pybullet.JOINT_REVOLUTE] * count,
+        linkJointAxis=[[0.0, 0.0, 1.0]] * count,
+        physicsClientId=client,
+    )
+    neutralise(client, wheels, BASE, friction=0.0, restitution=0.0)
+    for wheel, joint in enumerate(joints):
+        pybullet.changeDynamics(wheels, wheel, localInertiaDiagonal=[float(inertia[joint])] * 3, physicsClientId=client)
+        neutralise(client, wheels, wheel, friction=0.0, restitution=0.0)
+        pybullet.setJointMotorControl2(
+            wheels, wheel, pybullet.VELOCITY_CONTROL, targetVelocity=0.0, force=0.0, physicsClientId=client
+        )
+        gear = pybullet.createConstraint(
+            body, joint, wheels, wheel, pybullet.JOINT_GEAR, [0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0],
+            physicsClientId=client,
+        )  # fmt: skip
+        # Speeds are coupled, not angles (erp 0): for those the engine looks at the wrong body.
+        pybullet.changeConstraint(gear, gearRatio=1.0, maxForce=STRENGTH, erp=0.0, physicsClientId=client)
+        _split_limits(client, body, joint, wheels, wheel, robot.joints[joint].limits)
+    return wheels
 
-    def targets(self, motion: RobotMotion, acceleration: Array) -> Array:
-        """Return the rotors' velocities (N, R) at the end of the substep; they stop at the joints' limits."""
-        q, qd = motion.q[:, self.joints], motion.qd[:, self.joints]
-        velocity = qd + self._timestep * acceleration[:, self.joints]
-        grip = self._timestep * self._friction / self._inertia
-        velocity -= np.clip(velocity, -grip, grip)
-        room = np.minimum(self._lower - q, 0.0) / self._timestep, np.maximum(self._upper - q, 0.0) / self._timestep
-        return np.clip(velocity, *room)
 
-    def observe(
-        self, worlds: list[int], before: RobotMotion, after: RobotMotion, terms: tuple[Array, Array], torque: Array
-    ) -> None:
-        """Take from the substep of `worlds` what pushed the robot beside `torque` (N, J).
-
-        terms: mass matrix (N, D, D) and bias (N, D) `before` it.
-        """
-        matrix, bias = terms
-        change = np.zeros_like(self.reaction)
-        change[:, self._num_base :] = after.qd - before.qd
-        if self._num_base:
-            _, axes, linear, angular = before.engine_base()
-            _, _, linear_after, angular_after = after.engine_base()
-            change[:, 0:3] = rotations.unrotate(axes, angular_after - angular)
-            change[:, 3:6] = rotations.unrotate(axes, linear_after - linear)
-        force = np.add.reduce(matrix * change[:, None, :], axis=2) / self._timestep + bias
-        force[:, self._num_base :] -= torque
-        self.reaction[worlds] = force[worlds]
+def _split_limits(
+    client: Client, body: int, joint: int, wheels: int, wheel: int, limits: tuple[float, float] | None
+) -> None:
+    """Leave the joint its lower stop and give its upper one to the wheel."""
+    if limits is None:
+        return
+    lower, upper = limits
+    pybullet.changeDynamics(body, joint, jointLowerLimit=lower, jointUpperLimit=FAR, physicsClientId=client)
+    pybullet.changeDynamics(wheels, wheel, jointLowerLimit=-upper, jointUpperLimit=FAR, physicsClientId=client)

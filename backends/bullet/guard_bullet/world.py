@@ -52,7 +52,7 @@ class BulletWorld:
         for world in np.flatnonzero(mask).tolist():
             self._bodies.write(world, self._instances[world])
             if self._drive:
-                self._drive.motion.write(world, self._instances[world])
+                self._drive.write(world, self._instances[world])
 
     def step(self, control: NDArray[np.floating], substeps: int) -> None:
         """Advance all worlds that are ok by `substeps` timesteps under `control` (N, U)."""

@@ -10,6 +10,7 @@ from guard_api.testing.checks import (
     pushing,
     shapes,
     snapshot,
+    standing,
     stepping,
     thrust,
     touch,
@@ -29,6 +30,7 @@ _MODULES = (
     motion,
     contact,
     pushing,
+    standing,
 )
 
 ALL: tuple[Check, ...] = tuple(
