@@ -5,14 +5,17 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-_BETA_1, _BETA_2, _EPSILON = 0.9, 0.999, 1e-8
+_BETA_2, _EPSILON = 0.999, 1e-8
 
 
 class Adam:
-    """The optimiser of `parameters` (P,), which it moves in place. Source: Kingma and Ba 2015, algorithm 1."""
+    """The optimiser of `parameters` (P,), which it moves in place. Source: Kingma and Ba 2015, algorithm 1.
 
-    def __init__(self, parameters: Tensor, learning_rate: float) -> None:
-        self._parameters, self._learning_rate = parameters, learning_rate
+    momentum: the decay of the first moment, beta_1; 0 follows each gradient as it comes.
+    """
+
+    def __init__(self, parameters: Tensor, learning_rate: float, momentum: float = 0.9) -> None:
+        self._parameters, self._learning_rate, self._momentum = parameters, learning_rate, momentum
         self._mean, self._square = torch.zeros_like(parameters), torch.zeros_like(parameters)
         self._count = torch.zeros(1, dtype=torch.int64)
 
@@ -24,7 +27,7 @@ class Adam:
         """Move the parameters against `gradient` (P,)."""
         self._count += 1
         count = int(self._count)
-        self._mean.lerp_(gradient, 1 - _BETA_1)
+        self._mean.lerp_(gradient, 1 - self._momentum)
         self._square.mul_(_BETA_2).addcmul_(gradient, gradient, value=1 - _BETA_2)
         scale = (self._square / (1 - _BETA_2**count)).sqrt_().add_(_EPSILON)
-        self._parameters.addcdiv_(self._mean, scale, value=-self._learning_rate / (1 - _BETA_1**count))
+        self._parameters.addcdiv_(self._mean, scale, value=-self._learning_rate / (1 - self._momentum**count))

@@ -17,13 +17,14 @@ from guard_algos.workers import accumulate, pieces
 class StatewiseMultipliers:
     """lambda_k(s) = softplus(network_k(s)) > 0 for each of K constraints.
 
-    All networks start with the same parameters, so that the order of the constraints means nothing.
+    All networks start with the same parameters, so that the order of the constraints means nothing. Adam has no
+    momentum, which would carry a multiplier past its constraint.
     """
 
     def __init__(self, network: Mlp, num_constraints: int, learning_rate: float, generator: torch.Generator) -> None:
         self._network = network
         self._parameters = network.init(generator).repeat(num_constraints)
-        self._adam = Adam(self._parameters, learning_rate)
+        self._adam = Adam(self._parameters, learning_rate, momentum=0.0)
 
     def tensors(self) -> dict[str, Tensor]:
         """Return the live parameters (K P,) and optimiser state."""

@@ -10,6 +10,9 @@ Where this differs, and why:
 - The paper's learner is off-policy (SAC); as in GUARD the policy takes the trust-region step of the other methods, and
   the multipliers one Adam step per epoch on the same batch, which makes them the slower of the two, as convergence
   requires. Q_k is the batch's discounted cost to go: what the cost critic is fitted to, without its lag.
+- Adam works without momentum here. A multiplier that goes on rising after its cost has fallen makes the two swing: with
+  GUARD's momentum of 0.9 the cost on the test's linear-quadratic problem swings between 0.74 and 1.39 times the limit,
+  without between 0.9 and 1.1.
 - A limit is given per episode, undiscounted, as for every other method. GUARD subtracts it from the discounted cost
   to go, which is another quantity (they agree only for its limit of 0). Here d_k is the discounted cost to go of
   a policy that spends the limit evenly: limit / episode length / (1 - gamma). That needs gamma < 1.

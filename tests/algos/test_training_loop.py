@@ -8,14 +8,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from guard_algos import cpo, trpo, trpo_lagrangian
+from guard_algos import cpo, pcpo, trpo, trpo_fac, trpo_ipo, trpo_lagrangian
 from guard_algos.checkpoint import read
 from guard_algos.config import OnPolicyConfig
 from guard_api.errors import GuardError, RunError, SpecError
 from guard_api.runs.directory import RunDirectory
 from tests.algos.bandit import Bandit, Script, final_policy, train
 
-ALGORITHMS = {"trpo": trpo.algorithm, "trpo-lagrangian": trpo_lagrangian.algorithm, "cpo": cpo.algorithm}
+ALGORITHMS = {
+    module.algorithm.name: module.algorithm for module in (trpo, trpo_lagrangian, trpo_fac, trpo_ipo, cpo, pcpo)
+}
+NEEDED: dict[str, dict[str, Any]] = {"trpo-ipo": {"cost_limit": 9.0}}
+"""Options without which an algorithm does not start."""
 SMALL: dict[str, Any] = {
     "steps_per_epoch": 200,
     "hidden": (8,),
@@ -51,7 +55,7 @@ def assert_same_run(a: Path, b: Path, name: str) -> None:
 @pytest.mark.parametrize("name", ALGORITHMS)
 def test_same_seed_same_bits_and_resume_is_the_uninterrupted_run(tmp_path: Path, name: str) -> None:
     algorithm = ALGORITHMS[name]
-    config = algorithm.config_type(**SMALL)
+    config = algorithm.config_type(**SMALL, **NEEDED.get(name, {}))
     assert train(algorithm, bandit(), tmp_path / "whole", config, 1000)
     assert train(algorithm, bandit(), tmp_path / "again", config, 1000)
     assert_same_run(tmp_path / "whole", tmp_path / "again", name)

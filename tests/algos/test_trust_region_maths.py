@@ -162,10 +162,11 @@ def test_advantages_equal_their_definition_and_weight_one_gives_the_return_to_go
         np.testing.assert_allclose(target[t], x[t] + 0.9 * tail, atol=1e-12)
 
 
-def test_adam_equals_torch() -> None:
+@pytest.mark.parametrize("momentum", [0.9, 0.0])
+def test_adam_equals_torch(momentum: float) -> None:
     ours = torch.randn(9, generator=generator())
     theirs = ours.clone().requires_grad_()
-    adam, reference = Adam(ours, 0.01), torch.optim.Adam([theirs], lr=0.01)
+    adam, reference = Adam(ours, 0.01, momentum), torch.optim.Adam([theirs], lr=0.01, betas=(momentum, 0.999))
     for _ in range(20):
         gradient = torch.randn(9, generator=generator()) * ours
         adam.step(gradient)
