@@ -18,7 +18,7 @@ from guard_api.errors import ModelError
 from guard_api.model.library import load_robot, load_robot_file, robot_names
 from guard_api.model.robot import RobotModel
 from guard_api.testing.conformance import ConformanceReport, check_robots
-from guard_api.viewer import contact_sheet, robot_picture, write_png
+from guard_api.viewer import SIZE, contact_sheet, robot_picture, write_png
 
 WHICH = "Name of a robot (`guard list robots`), or its URDF or MJCF file, beside which a robot.toml is used"
 
@@ -30,7 +30,7 @@ class Show:
     robot: Annotated[str, tyro.conf.Positional, tyro.conf.arg(help=f"{WHICH}; `all` for every robot at once.")]
     out: Path | None = None
     """Picture to write (PNG); none when left out."""
-    size: tuple[int, int] = (800, 600)
+    size: tuple[int, int] = SIZE
     """Width and height of the picture [pixel]; the sheet of all robots has its own."""
     json: bool = False
     """Print JSON instead of tables."""
@@ -79,11 +79,12 @@ def _show(options: Show) -> int:
 
 def _print_robot(robot: RobotModel, described: dict[str, Any]) -> None:
     print_table(robot.name, ("property", "value"), ((key, _text(value)) for key, value in described["robot"].items()))
-    for title in ("links", "joints", "actuators", "sensors"):
+    for title in ("links", "joints", "actuators", "sensors", "observation"):
         rows = described[title]
         shown = [name for name in (rows[0] if rows else ()) if any(_text(row[name]) for row in rows)]
         if rows:
             print_table(title, shown, ([_text(row[name]) for name in shown] for row in rows))
+    print(f"{sum(row['size'] for row in described['observation'])} numbers in the observation are the robot's own")
     for note in described["notes"]:
         print(f"note: {note}")
 

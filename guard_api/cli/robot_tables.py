@@ -4,17 +4,23 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from guard_api.model.robot import Actuator, Joint, Link, RobotModel, Sensor
+from guard_api.physics.transition import SnapshotReader, Transition
+from guard_api.sensors.robot_sensors import RobotSensors
+from guard_api.viewer.home import home_state
 
 
 def robot_tables(robot: RobotModel) -> dict[str, Any]:
-    """Return the robot's own properties, and one row for each link, joint, actuator and sensor; names to values."""
+    """Return the robot's own properties, and one row for each link, joint, actuator, sensor and reading."""
     return {
         "robot": _properties(robot),
         "links": [_link(link, robot) for link in robot.links],
         "joints": [_joint(joint) for joint in robot.joints],
         "actuators": [_actuator(actuator) for actuator in robot.actuators],
         "sensors": [_sensor(sensor) for sensor in robot.sensors],
+        "observation": _observation(robot),
         "notes": list(robot.notes),
     }
 
@@ -89,6 +95,20 @@ def _sensor(sensor: Sensor) -> dict[str, Any]:
         "at [m]": None if sensor.joint else list(sensor.pose.position),
         "radius [m]": sensor.radius,
     }
+
+
+def _observation(robot: RobotModel) -> list[dict[str, Any]]:
+    """Return the readings of the robot's own sensors, in their order in every observation, as they are at home."""
+    nowhere = {"bodies": {}, "origins": {}, "slices": {}, "steps_since_success": np.zeros(1, np.int64)}
+    now = SnapshotReader(robot).read(home_state(robot), **nowhere)
+    standstill = Transition(
+        previous=now, now=now, action=np.zeros((1, len(robot.actuators))), duration=robot.substeps * robot.timestep
+    )
+    readings = RobotSensors(robot).read(standstill)
+    return [
+        {"reading": name, "size": readings[name].shape[1], "at home": readings[name][0].tolist()}
+        for name in sorted(readings)
+    ]
 
 
 def _shapes(shapes: list[Any]) -> str:

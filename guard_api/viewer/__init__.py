@@ -1,7 +1,7 @@
 """Pictures without a display, a GPU or an engine, from robots, scenes and states alone."""
 
 from guard_api.viewer.camera import Camera
-from guard_api.viewer.picture import environment_picture, picture, png, robot_picture, write_png
+from guard_api.viewer.picture import SIZE, environment_picture, picture, png, robot_picture, write_png
 from guard_api.viewer.sheet import contact_sheet
 
-__all__ = ["Camera", "contact_sheet", "environment_picture", "picture", "png", "robot_picture", "write_png"]
+__all__ = ["SIZE", "Camera", "contact_sheet", "environment_picture", "picture", "png", "robot_picture", "write_png"]

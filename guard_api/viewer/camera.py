@@ -13,16 +13,14 @@ from guard_api.viewer.tracer import unit
 Array = NDArray[np.float64]
 Float = NDArray[np.floating]
 
-MARGIN = 1.08
-"""How much further away a framing camera stands than it must."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Camera:
     """A camera that looks at `target` (3,) [m] from `distance` [m]; what is None is chosen so that all is in view.
 
     azimuth: direction from the target to the camera in the plane [rad], 0 is +x, turning to +y.
-    elevation: of the camera above the plane [rad]. field_of_view: vertical [rad].
+    elevation: of the camera above the plane [rad]. field_of_view: vertical [rad]. margin: how many times further away
+    than it must a camera stands whose distance is chosen.
     """
 
     target: Vector3 | None = None
@@ -30,6 +28,7 @@ class Camera:
     azimuth: float = float(np.radians(-55.0))
     elevation: float = float(np.radians(28.0))
     field_of_view: float = float(np.radians(30.0))
+    margin: float = 1.25
 
     @property
     def axes(self) -> Array:
@@ -51,7 +50,7 @@ class Camera:
         if self.target is not None:
             centre = self.axes @ self.target
         needed = (np.maximum(upper - centre[:2], centre[:2] - lower) / slope).max() - centre[2]
-        distance = MARGIN * max(float(needed), 0.1) if self.distance is None else self.distance
+        distance = self.margin * max(float(needed), 0.1) if self.distance is None else self.distance
         if self.target is None:
             centre[:2] = _middle(side, distance + centre[2] - depth, centre[:2])
         x, y, z = (float(value) for value in centre @ self.axes)

@@ -41,8 +41,28 @@ PASSES: Final = 4
 """Calls of `Lamps.shade` for one pixel; each sends other rays."""
 
 SUN_RAYS: Final = (3, 12)
-SKY_RAYS: Final = (5, 5)
+SKY_RAYS: Final = (4, 4)
 """Rays to a lamp from one point in one pass, and how many where those disagree, as at the edge of a shade."""
+
+
+def _r2(count: int) -> Float:
+    """Return `count` points (radius, turn), both 0..1, that fill a disc evenly after any number of them.
+
+    Source: Roberts 2018, the R2 sequence.
+    """
+    k = np.arange(count)
+    return np.stack([np.sqrt((0.5 + 0.7548776662466927 * k) % 1.0), (0.5 + 0.5698402909980532 * k) % 1.0], axis=1)
+
+
+def _lattice(count: int) -> Float:
+    """Return `count` points (radius, turn), both 0..1, that fill a disc at evenly spaced turns."""
+    k = np.arange(count)
+    return np.stack([np.sqrt((0.5 + 0.6180339887498949 * k) % 1.0), k / count], axis=1)
+
+
+SUN_PATTERN: Final = _r2(PASSES * SUN_RAYS[1])
+SKY_PATTERN: Final = _lattice(PASSES * SKY_RAYS[1])
+"""The rays of one pixel in a lamp's cone. Most of the sky's shade comes from one side, so even turns matter there."""
 
 
 class Lamps:
@@ -67,16 +87,17 @@ class Lamps:
         start = point + OFFSET * normal
         sun, sky = np.maximum(normal @ SUN, 0.0), np.ones(len(point), np.float32)
         rows = np.flatnonzero((sun > 0.0) & (~on_floor | self._shadow.covers(point[:, :2])))
-        cone = Cone(np.repeat(SUN[None], len(rows), axis=0), SUN_RADIUS)
-        sun[rows] *= self._open(cone, SUN_RAYS, FAR, start[rows], spin[rows], turn)
+        cone = Cone(np.repeat(SUN[None], len(rows), axis=0), SUN_RADIUS, SUN_PATTERN[turn::PASSES])
+        sun[rows] *= self._open(cone, SUN_RAYS, FAR, start[rows], spin[rows])
         rows = np.flatnonzero(~on_floor | self._near.covers(point[:, :2]))
-        sky[rows] = self._open(Cone(normal[rows], 1.0), SKY_RAYS, SKY_REACH, start[rows], spin[rows], turn)
+        cone = Cone(normal[rows], 1.0, SKY_PATTERN[turn::PASSES])
+        sky[rows] = self._open(cone, SKY_RAYS, SKY_REACH, start[rows], spin[rows])
         up = np.float32(0.5) + np.float32(0.5) * normal[:, 2:]
         ambient = (up * SKY_COLOUR + (1 - up) * FLOOR_COLOUR) * sky[:, None]
         gloss = np.maximum((unit(SUN - view) * normal).sum(axis=1), 0.0) ** 40 * sun
         return colour * (ambient + sun[:, None] * SUN_COLOUR) + np.float32(0.16) * gloss[:, None]
 
-    def _open(self, cone: Cone, rays: tuple[int, int], reach: float, start: Float, spin: Float, turn: int) -> Float:
+    def _open(self, cone: Cone, rays: tuple[int, int], reach: float, start: Float, spin: Float) -> Float:
         """Return the share (P,) of the `rays` in `cone` that get away from `start` (P, 3)."""
         few, many = rays
         free, sent = np.zeros(len(start), np.float32), np.full(len(start), few, np.float32)
@@ -86,28 +107,25 @@ class Lamps:
                 rows = np.flatnonzero((free > 0) & (free < few))
                 cone, start, spin = cone.at(rows), start[rows], spin[rows]
                 sent[rows] = many
-            free[rows] += ~self._tracer.blocked(start, cone.direction(k * PASSES + turn, spin), reach)
+            free[rows] += ~self._tracer.blocked(start, cone.direction(k, spin), reach)
         return free / sent
 
 
 class Cone:
-    """Directions about each `axis` (P, 3) unit, the more of them the nearer to it; `sine` of the half angle."""
+    """Directions about each `axis` (P, 3) unit; `sine` of the half angle; `pattern` (K, 2) as of `_r2`."""
 
-    def __init__(self, axis: Float, sine: float) -> None:
-        self._axis, self._sine = axis, sine
+    def __init__(self, axis: Float, sine: float, pattern: Float) -> None:
+        self._axis, self._sine, self._pattern = axis, sine, pattern
         self._across, self._along = _tangents(axis)
 
     def at(self, rows: NDArray[np.intp]) -> Cone:
         """Return the cones about some of the axes."""
-        return Cone(self._axis[rows], self._sine)
+        return Cone(self._axis[rows], self._sine, self._pattern)
 
     def direction(self, k: int, spin: Float) -> Float:
-        """Return direction `k` in every cone (P, 3), the pattern turned by `spin` (P,) in 0..1.
-
-        Source: Roberts 2018, the R2 sequence: it fills a disc evenly wherever it ends.
-        """
-        radius = self._sine * np.sqrt((0.5 + 0.7548776662466927 * k) % 1.0)
-        angle = np.float32(2.0 * np.pi) * (spin[:, None] + np.float32((0.5 + 0.5698402909980532 * k) % 1.0))
+        """Return direction `k` of the pattern in every cone (P, 3), the pattern turned by `spin` (P,) in 0..1."""
+        radius, turn = self._sine * self._pattern[k, 0], self._pattern[k, 1]
+        angle = np.float32(2.0 * np.pi) * (spin[:, None] + np.float32(turn))
         aside = np.float32(radius) * (np.cos(angle) * self._across + np.sin(angle) * self._along)
         return aside + np.float32(np.sqrt(1.0 - radius * radius)) * self._axis
 

@@ -13,16 +13,15 @@ from PIL import Image as Pillow
 
 from guard_api.env import Environment
 from guard_api.errors import SpecError
-from guard_api.model.kinematics import Kinematics
 from guard_api.model.robot import RobotModel
 from guard_api.physics.state import State
 from guard_api.physics.transition import Snapshot
 from guard_api.runs.atomic import write_bytes
 from guard_api.scene.spec import BodyGroup, SceneSpec
-from guard_api.scene.start import home_start
 from guard_api.viewer.camera import Camera
 from guard_api.viewer.ground import Extents, Ground
-from guard_api.viewer.parts import Part, phantom_parts, robot_parts, scene_parts
+from guard_api.viewer.home import home_state
+from guard_api.viewer.parts import Part, phantom_parts, scene_parts
 from guard_api.viewer.render import render
 from guard_api.viewer.surfaces import joined
 
@@ -78,11 +77,7 @@ def robot_picture(
     size: tuple[int, int] = SIZE,
 ) -> Image:
     """Return a picture (height, width, 3) of `robot` at home, some joints at `joint_position` [rad or m] instead."""
-    start = home_start(SceneSpec(robot=robot), 1)
-    for name, position in (joint_position or {}).items():
-        start.joint_position[:, robot.joint_index(name)] = position
-    poses = Kinematics(robot).poses(start.base_position, start.base_quaternion, start.joint_position)
-    return _framed(robot_parts(robot, poses.position[0], poses.quaternion[0]), Ground(), camera, size)
+    return picture(SceneSpec(robot=robot), home_state(robot, joint_position), camera=camera, size=size)
 
 
 def png(image: Image) -> bytes:
@@ -103,6 +98,7 @@ def _framed(parts: Sequence[Part], ground: Ground | None, camera: Camera | None,
         raise SpecError(f"size is {width} x {height}: each must be 1 to {LARGEST}")
     points = joined(parts).vertices.astype(float)
     if ground is not None and ground.extents is not None:
+        camera = camera or Camera(margin=1.05)  # the area is its own margin
         xmin, ymin, xmax, ymax = ground.extents
         points = np.concatenate([points, [[x, y, 0.0] for x in (xmin, xmax) for y in (ymin, ymax)]])
     return render(parts, ground, (camera or Camera()).framing(points, width / height), size)

@@ -108,8 +108,18 @@ def _hull(corners: NDArray[np.float64]) -> Surface:
     import trimesh  # noqa: PLC0415  takes a second to import, needed for pictures only
 
     hull = trimesh.Trimesh(vertices=corners, process=False).convex_hull
-    smooth = trimesh.graph.smooth_shade(hull, angle=CREASE)
-    return _single(np.asarray(smooth.vertices), np.asarray(smooth.vertex_normals), np.asarray(smooth.faces))
+    smooth = hull.face_adjacency[hull.face_adjacency_angles < CREASE]
+    groups = trimesh.graph.connected_components(smooth, nodes=np.arange(len(hull.faces)), min_len=1)
+    vertices, normals, faces = [], [], []
+    first = 0
+    for group in groups:
+        piece = hull.submesh([group], append=True, repair=False)
+        assert isinstance(piece, trimesh.Trimesh)
+        vertices.append(piece.vertices)
+        normals.append(piece.vertex_normals)
+        faces.append(piece.faces + first)
+        first += len(piece.vertices)
+    return _single(np.concatenate(vertices), np.concatenate(normals), np.concatenate(faces))
 
 
 def _single(vertices: NDArray[np.float64], normals: NDArray[np.float64], faces: NDArray[np.integer]) -> Surface:

@@ -39,7 +39,9 @@ class Tracer:
         """Return what rays from `origin` (P, 3) along the unit `direction` (P, 3) meet first; smooth normals."""
         count = len(direction)
         hits = Hits(
-            distance=np.full(count, FAR), face=np.full(count, -1, np.int32), normal=np.zeros((count, 3), np.float32)
+            distance=np.full(count, FAR, np.float32),
+            face=np.full(count, -1, np.int32),
+            normal=np.zeros((count, 3), np.float32),
         )
         if self._scene is None or count == 0:
             return hits
