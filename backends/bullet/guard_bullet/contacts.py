@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from math import hypot
+from typing import TypeAlias
+
 import numpy as np
 from numpy.typing import NDArray
 
 from guard_api.physics.touch import LinkContacts, TouchSensors
 from guard_api.scene.spec import SceneSpec
+from guard_api.shapes import Vector3
 from guard_bullet.compile import Instance
 from guard_bullet.engine import pybullet
 from guard_bullet.robot import BASE, base_frame
@@ -15,10 +19,10 @@ from guard_bullet.shapes import xyzw
 # Fields of one contact point as the engine reports it; the normal points into the first body, here the robot.
 _BODY, _LINK, _ON_ROBOT, _ON_OTHER, _NORMAL, _DISTANCE, _FORCE = 2, 3, 5, 6, 7, 8, 9
 
-_FRAME = 13
-"""Numbers of a link's motion: position, quaternion (x, y, z, w), velocity of its centre of mass, angular velocity."""
+Vector4: TypeAlias = tuple[float, float, float, float]
 
-_NOWHERE, _STILL = (0.0,) * _FRAME, (0.0,) * 6
+_NOWHERE = (0.0,) * 7
+"""Position and quaternion (x, y, z, w) of a link where they decide nothing."""
 
 
 class ContactLog:
@@ -87,9 +91,6 @@ class ContactLog:
             normal=-place[:, 6:9],
             position=frame[:, 0:3],
             quaternion=frame[:, [6, 3, 4, 5]],
-            com_velocity=frame[:, 7:10],
-            angular_velocity=frame[:, 10:13],
-            age=self._timestep,  # contacts are found before the engine moves the base
         )
         self.touch[:] = self._sensors.force(contacts, len(self.touch)) / self._substeps
 
@@ -98,15 +99,28 @@ class ContactLog:
         return {"touch": self.touch, "body_contact": self.body_contact}
 
     def _frame(self, instance: Instance, link: int) -> tuple[float, ...]:
-        """Return the motion of a link (see `_FRAME`) where it decides what a sensor counts."""
+        """Return a link's position and quaternion when the engine looked for contacts: before it moved the links."""
         if link not in self._sensors.located:
             return _NOWHERE
         robot, client = instance.robot, instance.client
         if link > 0:
-            # The engine still has the frames in which it looked for contacts: no velocity is needed to go back to them.
+            # The engine itself brings these frames up to date only when it looks for contacts the next time.
             position, quaternion = pybullet.getLinkState(robot, link + BASE, physicsClientId=client)[4:6]
-            return (*position, *quaternion, *_STILL)
-        pose = pybullet.getBasePositionAndOrientation(robot, client)
-        position, quaternion = pybullet.multiplyTransforms(*pose, *self._base_link)
-        linear, angular = pybullet.getBaseVelocity(robot, client)
-        return (*position, *quaternion, *linear, *angular)
+        else:
+            position, quaternion = pybullet.getBasePositionAndOrientation(robot, client)
+            linear, angular = pybullet.getBaseVelocity(robot, client)
+            position, quaternion = moved_back(position, quaternion, linear, angular, self._timestep)
+            position, quaternion = pybullet.multiplyTransforms(position, quaternion, *self._base_link)
+        return (*position, *quaternion)
+
+
+def moved_back(
+    position: Vector3, quaternion: Vector4, linear: Vector3, angular: Vector3, duration: float
+) -> tuple[Vector3, Vector4]:
+    """Return the pose, quaternion (x, y, z, w), from which a body came: the inverse of the engine's integration."""
+    x, y, z = (p - duration * v for p, v in zip(position, linear, strict=True))
+    angle = -duration * hypot(*angular)
+    if angle == 0.0:
+        return (x, y, z), quaternion
+    turn = pybullet.getQuaternionFromAxisAngle(angular, angle)
+    return (x, y, z), pybullet.multiplyTransforms((0.0, 0.0, 0.0), turn, (0.0, 0.0, 0.0), quaternion)[1]

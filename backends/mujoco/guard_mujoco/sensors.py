@@ -10,7 +10,7 @@ substep of an environment step, so that nothing has to be fetched in between.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from guard_api.errors import BackendError
 from guard_api.model.robot import RobotModel, Sensor
-from guard_api.physics.touch import counts
+from guard_api.physics.touch import TouchSensors, counts
 from guard_api.scene.spec import SceneSpec
 from guard_mujoco.contact import Role, Surface
 from guard_mujoco.history import Columns, Window, columns_of
@@ -38,8 +38,8 @@ ROUNDING = 1e-9
 BODY_ROLES: frozenset[Role] = frozenset({"static", "driven", "dynamic"})
 
 _FOUND = 1 << int(mujoco.mjtConDataField.mjCONDATA_FOUND)
-# What is known of each contact with the robot itself: 3 numbers each, the normal force first.
-_FORCE_POINT_NORMAL = sum(
+# What is recorded of a contact with the robot itself: 3 numbers each, the normal force first.
+_FORCE, _POINT, _NORMAL = (
     1 << int(item)
     for item in (
         mujoco.mjtConDataField.mjCONDATA_FORCE,
@@ -54,16 +54,17 @@ _UNSORTED, _STRONGEST = 0, 2
 class OwnContacts:
     """The strongest contacts of a touch sensor's link with the robot itself; C = `OWN_CONTACTS`.
 
-    sensor: number k of the touch sensor. force: columns of C normal forces [N], the strongest first. point, normal:
-    columns of C points [m] and normals out of the link. place: columns of where the sensor is [m].
+    sensor: number k of the touch sensor. radius: [m]. force: columns of C normal forces [N], the strongest first.
+    point, normal: columns of C points [m] and normals out of the link. place: columns of where the sensor is [m]. These
+    three are None for a sensor that counts every contact.
     """
 
     sensor: int
-    force: Columns
-    point: Columns
-    normal: Columns
-    place: Columns
     radius: float
+    force: Columns
+    point: Columns | None = None
+    normal: Columns | None = None
+    place: Columns | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,20 +117,22 @@ def add_contact_sensors(spec: mujoco.MjSpec, scene: SceneSpec, surfaces: list[Su
     if robot is None or not (roles & BODY_ROLES or {"ground", "robot"} <= roles):
         return  # nothing but itself that the robot could touch
     touch = robot.touch_sensors
+    rule = TouchSensors(robot)
     for number, sensor in enumerate(touch):
         _add_touch(spec, robot, number, sensor)
     root = link_body(robot.links[0].name)
     for link in _self_touching(robot):
+        located = robot.link_index(link) in rule.located
         spec.add_sensor(
             name=f"own/{link}",
             type=mujoco.mjtSensor.mjSENS_CONTACT,
-            intprm=[_FORCE_POINT_NORMAL, _STRONGEST, OWN_CONTACTS],
+            intprm=[_FORCE | _POINT | _NORMAL if located else _FORCE, _STRONGEST, OWN_CONTACTS],
             objtype=mujoco.mjtObj.mjOBJ_BODY,
             objname=link_body(link),
             reftype=mujoco.mjtObj.mjOBJ_XBODY,
             refname=root,
         )
-        for number in (k for k, sensor in enumerate(touch) if sensor.link == link):
+        for number in (k for k, sensor in enumerate(touch) if sensor.link == link and rule.limited[k]):
             spec.add_sensor(
                 name=f"place/{number}",
                 type=mujoco.mjtSensor.mjSENS_FRAMEPOS,
@@ -158,10 +161,11 @@ def contact_readout(scene: SceneSpec, model: mujoco.MjModel) -> ContactReadout:
     if robot is None or model.nsensor == 0:
         none = columns_of(model, [])
         return ContactReadout(num_touch=len(touch), samples=0, touch=none, found=none, own=(), own_strongest=none)
+    limited, self_touching = TouchSensors(robot).limited, _self_touching(robot)
     own = tuple(
-        _own_contacts(model, number, sensor)
+        _own_contacts(model, number, sensor, limited=limited[number])
         for number, sensor in enumerate(touch)
-        if sensor.link in _self_touching(robot)
+        if sensor.link in self_touching
     )
     return ContactReadout(
         num_touch=len(touch),
@@ -195,27 +199,29 @@ def _add_touch(spec: mujoco.MjSpec, robot: RobotModel, number: int, sensor: Sens
     )
 
 
-def _own_contacts(model: mujoco.MjModel, number: int, sensor: Sensor) -> OwnContacts:
+def _own_contacts(model: mujoco.MjModel, number: int, sensor: Sensor, *, limited: bool) -> OwnContacts:
     """Return where to find the contacts of sensor number `number` with the robot itself."""
     every = columns_of(model, [model.sensor(f"own/{sensor.link}").id])
-    numbers = np.arange(len(every)).reshape(OWN_CONTACTS, 3, 3)  # force, point, normal
-    return OwnContacts(
-        sensor=number,
-        force=every.part(numbers[:, 0, 0]),
+    numbers = np.arange(len(every)).reshape(OWN_CONTACTS, -1, 3)  # force, and perhaps point and normal
+    own = OwnContacts(sensor=number, radius=sensor.radius, force=every.part(numbers[:, 0, 0]))
+    if not limited:
+        return own
+    return replace(
+        own,
         point=every.part(numbers[:, 1].ravel()),
         normal=every.part(numbers[:, 2].ravel()),
         place=columns_of(model, [model.sensor(f"place/{number}").id]),
-        radius=sensor.radius,
     )
 
 
 def _counted(window: Window, own: OwnContacts) -> Array:
     """Return the sum of the forces by which the robot touches a sensor of its own: (n,) [N]."""
     force = window.read(own.force)
-    triples = (*force.shape, 3)
-    point, normal = window.read(own.point).reshape(triples), window.read(own.normal).reshape(triples)
-    place = window.read(own.place)[:, :, None]
-    force = np.where(counts(point, normal, place, own.radius), force, 0.0)
+    if own.point and own.normal and own.place:
+        triples = (*force.shape, 3)
+        point, normal = window.read(own.point).reshape(triples), window.read(own.normal).reshape(triples)
+        place = window.read(own.place)[:, :, None]
+        force = np.where(counts(point, normal, place, own.radius), force, 0.0)
     return force.sum(axis=(1, 2))
 
 

@@ -14,10 +14,11 @@ from guard_sapien.articulation import can_collide, ignored_bits
 from guard_sapien.compile import Copy
 from guard_sapien.engine import physx
 
-Row = tuple[float, ...]
+_POSE = 7
+"""Numbers per entity in `Scene.pack_poses()`: quaternion, position."""
 
-_ANYWHERE: Row = (0.0,) * (3 + 3 + 13)
-"""Point, normal and the motion of the link (see `_motion`), where they decide nothing."""
+_ANYWHERE = (0.0,) * (3 + 3 + 1)
+"""Point, normal, and which of the noted poses is that of the link's world: where they decide nothing."""
 
 
 class ContactLog:
@@ -31,18 +32,26 @@ class ContactLog:
         self, spec: SceneSpec, copies: Sequence[Copy], impulse: NDArray[np.float64], touched: NDArray[np.bool_]
     ) -> None:
         self._impulse, self._touched = impulse, touched
-        self._sensors, self._timestep = TouchSensors(spec.robot), spec.timestep
+        self._sensors, self._first_link = TouchSensors(spec.robot), copies[0].first_link
         self._things = [_Things(copy) for copy in copies]
-        self._rows: list[Row] = []
+        self._before = [b""] * len(copies)
+        self._rows: list[tuple[float, ...]] = []
+        self._poses: list[bytes] = []
 
     def renew(self, world: int, copy: Copy) -> None:
         """Take note that `world` was built anew as `copy`."""
         self._things[world] = _Things(copy)
 
+    def prepare(self, worlds: Sequence[int]) -> None:
+        """Note where the links are before a substep: there PhysX looks for its contacts."""
+        if self._sensors.located:
+            for world in worlds:
+                self._before[world] = self._things[world].pack_poses()
+
     def collect(self, world: int) -> None:
         """Note the contacts of the substep just made in `world`."""
         things, touched, sensors = self._things[world], self._touched[world], self._sensors
-        motions: dict[int, Row] = {}
+        needs_poses = True
         for contact in things.get_contacts():
             first, second = contact.bodies
             if (first in things.links) == (second in things.links):
@@ -50,15 +59,18 @@ class ContactLog:
             # The normal points into the first body.
             link, other, outward = (first, second, -1.0) if first in things.links else (second, first, 1.0)
             number, index = things.links[link], things.bodies.get(other)
+            if number not in sensors.links and (index is None or touched[index]):
+                continue
             for point in contact.points:
-                impulse = hypot(*point.impulse)  # PhysX reports its normal part only
+                impulse = hypot(*point.impulse.tolist())  # PhysX reports its normal part only
                 if impulse > 0.0 and number in sensors.links:
                     place = _ANYWHERE
                     if number in sensors.located:
-                        if number not in motions:
-                            motions[number] = _motion(things.components[number])
-                        normal = (outward * x for x in point.normal)
-                        place = (*point.position, *normal, *motions[number])
+                        if needs_poses:
+                            self._poses.append(self._before[world])
+                            needs_poses = False
+                        normal = [outward * x for x in point.normal.tolist()]
+                        place = (*point.position.tolist(), *normal, len(self._poses) - 1)
                     self._rows.append((world, number, impulse, *place))
                 if index is not None and (impulse > 0.0 or point.separation <= 0.0):
                     touched[index] = True
@@ -68,40 +80,36 @@ class ContactLog:
         if not self._rows:
             return
         rows = np.array(self._rows)
-        self._rows.clear()
+        world, link, at = (rows[:, column].astype(np.intp) for column in (0, 1, 9))
+        poses = np.zeros((len(rows), _POSE))
+        if self._poses:
+            noted = np.frombuffer(b"".join(self._poses), np.float32).reshape(len(self._poses), -1, _POSE)
+            poses = noted[at, self._first_link + link].astype(float)
         contacts = LinkContacts(
-            world=rows[:, 0].astype(np.intp),
-            link=rows[:, 1].astype(np.intp),
+            world=world,
+            link=link,
             force=rows[:, 2],  # as an impulse, and so is the sum
             point=rows[:, 3:6],
             normal=rows[:, 6:9],
-            position=rows[:, 9:12],
-            quaternion=rows[:, 12:16],
-            com_velocity=rows[:, 16:19],
-            angular_velocity=rows[:, 19:22],
-            age=self._timestep,  # contacts are found before the engine moves the links
+            position=poses[:, 4:],
+            quaternion=poses[:, :4],
         )
         self._impulse += self._sensors.force(contacts, len(self._impulse))
+        self._rows.clear()
+        self._poses.clear()
 
 
 class _Things:
     """What PhysX's contacts of one world speak of: it hands out the same Python object for the same body every time.
 
-    components: (L,) the links in the model's order. links, bodies: component -> number of the link, of the scene body.
+    links, bodies: component -> number of the link in the model's order, of the scene's body.
     """
 
     def __init__(self, copy: Copy) -> None:
         assert copy.robot is not None
-        self.get_contacts = copy.system.get_contacts
-        self.components = copy.robot.links
+        self.get_contacts, self.pack_poses = copy.system.get_contacts, copy.scene.pack_poses
         self.links: dict[physx.PhysxRigidBaseComponent, int] = {c: k for k, c in enumerate(copy.robot.links)}
         self.bodies: dict[physx.PhysxRigidBaseComponent, int] = {c: k for k, c in enumerate(copy.bodies)}
-
-
-def _motion(link: physx.PhysxArticulationLinkComponent) -> Row:
-    """Return position (3), quaternion (4), velocity of the centre of mass (3) and angular velocity (3) of a link."""
-    pose = link.entity_pose
-    return (*pose.p, *pose.q, *link.linear_velocity, *link.angular_velocity)
 
 
 def wanted(spec: SceneSpec) -> bool:

@@ -152,6 +152,8 @@ class SapienWorld:
                 if set_forces:
                     effort = set_forces()
                 send(self._fleet.copies, way, substep)
+                if log:
+                    log.prepare(worlds)
                 for step in steps:
                     step()
                 if log:
