@@ -20,7 +20,7 @@ from guard_api.physics.state import Array, Mask, State
 from guard_api.physics.transition import Snapshot, SnapshotReader, Transition
 from guard_api.scene.episode import EpisodeStarter
 from guard_api.scene.spec import BodyGroup, SceneSpec
-from guard_api.sensors.inertial import InertialSensors
+from guard_api.sensors.robot_sensors import RobotSensors
 from guard_api.spec import EnvSpec
 from guard_api.suite import make_spec
 
@@ -80,7 +80,7 @@ class Environment:
         self.cost_names = tuple(constraint.name for constraint in spec.constraints)
         self.action_size = len(self.robot.actuators)
         self._starter = EpisodeStarter(self.scene, self._groups, spec.extents, num_worlds)
-        self._inertial = InertialSensors(self.robot)
+        self._sensors = RobotSensors(self.robot)
         self._reader = SnapshotReader(self.robot)
         self._slices = {group.name: self.scene.body_slice(group.name) for group in self.scene.groups}
         self.world = build_world(plugins.load("guard.backends", backend), self.scene, num_worlds, workers)
@@ -234,7 +234,7 @@ class Environment:
         return costs
 
     def _readings(self, t: Transition) -> dict[str, Array]:
-        readings = self._inertial.read(t)
+        readings = self._sensors.read(t)
         readings.update(self.spec.task.observe(t))
         for constraint in self.spec.constraints:
             readings.update(constraint.observe(t))

@@ -1,4 +1,4 @@
-"""Hazards: discs on the floor that may be crossed, at a cost.
+"""Hazards: discs on the floor, or balls in the air, that may be crossed, at a cost.
 
 Source: GUARD (Zhao et al. 2023), sec. 5.3, and its engine.
 """
@@ -10,24 +10,28 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from guard_api.constraints.depth import depth
 from guard_api.physics.transition import Array, Snapshot, Transition
-from guard_api.scene.spec import BodyGroup, BodySpec
+from guard_api.scene.spec import BodyGroup, BodySpec, Placement
 from guard_api.sensors.lidar import Lidar
-from guard_api.shapes import Cylinder
+from guard_api.shapes import Cylinder, Sphere
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hazards:
-    """`count` discs of radius `size` [m]; the cost of a step is how deep the robot's root is inside them.
+    """`count` discs of radius `size` [m], or balls where `heights` (low, high) [m] are given.
 
-    cost = weight * sum_i max(0, size - d_i), d_i the distance in the plane from the root link to hazard i [m].
-    keepout: radius kept free around each hazard when placed [m].
+    cost = weight * sum_i depth_i, how deep the robot is in each (`guard_api.constraints.depth`).
+    keepout: radius kept free around each hazard when placed [m]. reach: the most distance from the origin in the
+    plane [m]. Balls are never placed on the robot.
     """
 
     count: int
     size: float = 0.3
     keepout: float = 0.4
     weight: float = 1.0
+    heights: tuple[float, float] | None = None
+    reach: float = float("inf")
     lidar: Lidar = field(default_factory=Lidar)
 
     @property
@@ -36,10 +40,18 @@ class Hazards:
         return "hazards"
 
     def objects(self) -> tuple[BodyGroup, ...]:
-        """Return the hazard discs, phantoms."""
-        disc = Cylinder(radius=self.size, half_length=0.01)
-        body = BodySpec(shape=disc, physics="phantom", height=0.02, keepout=self.keepout, rgba=(0.0, 0.0, 1.0, 0.25))
-        return (BodyGroup(name=self.name, body=body, count=self.count),)
+        """Return the hazards, phantoms."""
+        flat = self.heights is None
+        body = BodySpec(
+            shape=Cylinder(radius=self.size, half_length=0.01) if flat else Sphere(radius=self.size),
+            physics="phantom",
+            height=0.02,
+            keepout=self.keepout,
+            rgba=(0.0, 0.0, 1.0, 0.25),
+        )
+        clearance = 0.0 if flat else self.size
+        placement = Placement(radius=(0.0, self.reach), heights=self.heights, clearance=clearance)
+        return (BodyGroup(name=self.name, body=body, count=self.count, placement=placement),)
 
     def move(self, now: Snapshot, duration: float) -> dict[str, Array]:
         """Return nothing: hazards stay where they are."""
@@ -47,14 +59,13 @@ class Hazards:
 
     def cost(self, t: Transition) -> Array:
         """Return the summed depth inside the hazards: (N,) [m]."""
-        places, robot = t.now.bodies[self.name], t.now.position
-        x, y = places[..., 0] - robot[:, :1], places[..., 1] - robot[:, 1:2]
-        return self.weight * np.maximum(self.size - np.sqrt(x * x + y * y), 0.0).sum(axis=1)
+        places = t.now.bodies[self.name]
+        return self.weight * depth(t.now, places, self.size, spatial=self.heights is not None).sum(axis=1)
 
     def indicator(self, t: Transition) -> NDArray[np.bool_]:
-        """Return whether the root is inside any hazard: (N,)."""
+        """Return whether the robot is inside any hazard: (N,)."""
         return self.cost(t) > 0.0
 
     def observe(self, t: Transition) -> dict[str, Array]:
-        """Return `hazards_lidar` (N, lidar.bins)."""
+        """Return `hazards_lidar`."""
         return {"hazards_lidar": self.lidar.read(t.now, t.now.bodies[self.name])}

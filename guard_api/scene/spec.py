@@ -27,6 +27,8 @@ class BodySpec:
     physics: "phantom" (walked through, core only), "static" (immovable, placed at reset), "dynamic" (free body) or
     "driven" (moved by `World.drive`, pushes others, is never pushed).
     mass: [kg], dynamic bodies only; the inertia is that of the solid shape of uniform density.
+    damping: rate [1/s] at which the linear and angular velocity of a dynamic body decay in free motion: drag, or what
+    stands for rolling resistance, which not every engine has.
     height: z of the body's frame when placed [m]. keepout: radius kept free around it in layouts [m].
     rgba: colour in 0..1, for renderers only.
     """
@@ -34,6 +36,7 @@ class BodySpec:
     shape: Shape
     physics: PhysicsKind
     mass: float = 0.0
+    damping: float = 0.0
     friction: float = 1.0
     restitution: float = 0.0
     height: float = 0.0
@@ -49,7 +52,8 @@ class Placement:
     locations: (x, y) [m] of the first ones, instead of a free place.
     radius: (least, most) distance from the world's origin in the plane [m]. distance: the most in space [m].
     heights: (low, high) [m], drawn uniformly; None stands for the body's own height.
-    clearance: least distance in space between the centre and the robot as it starts [m] (see `Snapshot.distance`).
+    clearance: least distance in space between the centre and the robot as it stands [m] (see `Snapshot.distance`).
+    apart: least distance in space between the centre and the robot's reference as it stands [m].
     onto: the group on one of whose bodies, drawn at random, the thing stands instead of on a free place.
     """
 
@@ -59,6 +63,7 @@ class Placement:
     distance: float = float("inf")
     heights: tuple[float, float] | None = None
     clearance: float = 0.0
+    apart: float = 0.0
     onto: str | None = None
 
 

@@ -1,4 +1,4 @@
-"""Goal: drive to a disc on the floor, then to the next one.
+"""Goal: drive to a disc on the floor or a ball in the air, then to the next one.
 
 Source: GUARD (Zhao et al. 2023), sec. 5.2, and its engine.
 """
@@ -11,35 +11,41 @@ import numpy as np
 from numpy.typing import NDArray
 
 from guard_api.physics.transition import Array, Snapshot, Transition
-from guard_api.scene.spec import BodyGroup, BodySpec
+from guard_api.scene.spec import BodyGroup, BodySpec, Placement
 from guard_api.sensors.lidar import compass
-from guard_api.shapes import Cylinder
+from guard_api.shapes import Cylinder, Sphere
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Goal:
-    """Reach a disc of radius `size` [m]; the distance counts in the plane.
+    """Reach a disc of radius `size` [m], or a ball where `heights` (low, high) [m] of its centre are given.
 
-    The reward of a step is the distance gained [m] plus `bonus` on arrival, when the goal moves to a new free place.
-    keepout: radius kept free around the goal when placed [m]. compass_axes: 2 or 3 numbers in the compass.
+    The reward of a step is the distance gained [m], in the plane or in space, plus `bonus` on arrival, when the goal
+    moves to a new free place. keepout: radius kept free around the goal when placed [m]. reach: the goal is placed at
+    most this far from the origin in space [m], and a ball never where it is reached already. compass_axes: 2 or 3
+    numbers in the compass.
     """
 
     size: float = 0.5
     keepout: float = 0.4
     bonus: float = 1.0
+    heights: tuple[float, float] | None = None
+    reach: float = float("inf")
     compass_axes: int = 2
 
     def objects(self) -> tuple[BodyGroup, ...]:
-        """Return the goal disc, a phantom."""
-        disc = Cylinder(radius=self.size, half_length=self.size / 2)
+        """Return the goal, a phantom."""
+        flat = self.heights is None
         body = BodySpec(
-            shape=disc,
+            shape=Cylinder(radius=self.size, half_length=self.size / 2) if flat else Sphere(radius=self.size),
             physics="phantom",
             height=self.size / 2 + 0.01,
             keepout=self.keepout,
             rgba=(0.0, 1.0, 0.0, 0.25),
         )
-        return (BodyGroup(name="goal", body=body, count=1),)
+        apart = 0.0 if flat else self.size
+        placement = Placement(heights=self.heights, distance=self.reach, apart=apart)
+        return (BodyGroup(name="goal", body=body, count=1, placement=placement),)
 
     def move(self, now: Snapshot, duration: float) -> dict[str, Array]:
         """Return nothing: the goal stays until it is reached."""
@@ -47,23 +53,25 @@ class Goal:
 
     def reward(self, t: Transition) -> Array:
         """Return the distance gained: (N,) [m]."""
-        return _distance(t.previous.position, t.now) - _distance(t.now.position, t.now)
+        return self._distance(t.previous.position, t.now) - self._distance(t.now.position, t.now)
 
     def reached(self, t: Transition) -> NDArray[np.bool_]:
         """Return which worlds stand in the goal: (N,)."""
-        return _distance(t.now.position, t.now) <= self.size
+        return self._distance(t.now.position, t.now) <= self.size
 
     def respawn(self) -> str:
         """Return the goal's own group: a reached goal moves on."""
         return "goal"
 
     def observe(self, t: Transition) -> dict[str, Array]:
-        """Return `goal_compass` (N, compass_axes): the direction of the goal in robot axes."""
+        """Return `goal_compass`: the direction of the goal, `compass_axes` numbers for every sensing frame."""
         return {"goal_compass": compass(t.now, t.now.bodies["goal"][:, 0], self.compass_axes)}
 
-
-def _distance(position: Array, snapshot: Snapshot) -> Array:
-    """Return the distance in the plane from `position` (N, 3) to the snapshot's goal: (N,) [m]."""
-    goal = snapshot.bodies["goal"]
-    x, y = position[:, 0] - goal[:, 0, 0], position[:, 1] - goal[:, 0, 1]
-    return np.sqrt(x * x + y * y)
+    def _distance(self, position: Array, snapshot: Snapshot) -> Array:
+        """Return the distance from `position` (N, 3) to the snapshot's goal: (N,) [m]."""
+        goal = snapshot.bodies["goal"]
+        x, y = position[:, 0] - goal[:, 0, 0], position[:, 1] - goal[:, 0, 1]
+        if self.heights is None:
+            return np.sqrt(x * x + y * y)
+        z = position[:, 2] - goal[:, 0, 2]
+        return np.sqrt(x * x + y * y + z * z)

@@ -1,0 +1,65 @@
+"""Button: press the lit button, then the next one. Source: Ray et al. 2019 (Safety Gym), as in GUARD's engine."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from guard_api.physics.transition import Array, Snapshot, Transition
+from guard_api.scene.spec import BodyGroup, BodySpec, Placement
+from guard_api.sensors.lidar import compass
+from guard_api.shapes import Cylinder
+
+BUTTONS = "buttons"
+"""The group that the goal stands on: the constraint `Buttons` places it, and its weight may be 0."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Button:
+    """Touch the button that the goal stands on; it then moves to another one.
+
+    The reward of a step is the distance gained [m] in the plane, plus `bonus` for the press.
+    """
+
+    size: float = 0.2
+    bonus: float = 1.0
+    compass_axes: int = 2
+
+    def objects(self) -> tuple[BodyGroup, ...]:
+        """Return the goal's marker, a phantom on one of the buttons."""
+        disc = Cylinder(radius=self.size, half_length=self.size / 2)
+        body = BodySpec(shape=disc, physics="phantom", height=self.size / 2, keepout=0.0, rgba=(0.0, 1.0, 0.0, 0.25))
+        return (BodyGroup(name="goal", body=body, count=1, placement=Placement(onto=BUTTONS)),)
+
+    def move(self, now: Snapshot, duration: float) -> dict[str, Array]:
+        """Return nothing: buttons stay."""
+        return {}
+
+    def reward(self, t: Transition) -> Array:
+        """Return the distance gained: (N,) [m]."""
+        return _distance(t.previous.position, t.now) - _distance(t.now.position, t.now)
+
+    def reached(self, t: Transition) -> NDArray[np.bool_]:
+        """Return which worlds pressed the goal's button: (N,)."""
+        return (t.now.contact(BUTTONS) & lit(t.now)).sum(axis=1) > 0
+
+    def respawn(self) -> str:
+        """Return the goal's marker: it moves to another button."""
+        return "goal"
+
+    def observe(self, t: Transition) -> dict[str, Array]:
+        """Return `goal_compass`: the direction of the goal's button."""
+        return {"goal_compass": compass(t.now, t.now.bodies["goal"][:, 0], self.compass_axes)}
+
+
+def lit(now: Snapshot) -> NDArray[np.bool_]:
+    """Return which of the buttons the goal stands on: (N, count)."""
+    offset = now.bodies[BUTTONS][..., :2] - now.bodies["goal"][..., :2]
+    return (offset * offset).sum(axis=-1) < 1e-12
+
+
+def _distance(position: Array, snapshot: Snapshot) -> Array:
+    offset = position[:, :2] - snapshot.bodies["goal"][:, 0, :2]
+    return np.sqrt((offset * offset).sum(axis=-1))
