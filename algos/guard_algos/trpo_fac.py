@@ -20,6 +20,7 @@ Where this differs, and why:
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 
@@ -29,6 +30,7 @@ from torch import Tensor
 from guard_algos import trust_region
 from guard_algos.batch import Batch
 from guard_algos.config import CostLimits, OnPolicyConfig
+from guard_algos.constraints import Constraint
 from guard_algos.gaussian import GaussianPolicy
 from guard_algos.networks import Mlp
 from guard_algos.on_policy import Method, OnPolicyAlgorithm, Problem
@@ -74,14 +76,8 @@ class TrpoFac(Method):
         penalty = (self._multipliers.predict(batch.observation, pool) * batch.cost_advantages).sum(dim=1)
         objective = trust_region.surrogate(batch.reward_advantage - penalty, batch.log_prob)
         report = trust_region.update(policy, theta, batch, self._config, pool, objective=objective)
-        self._multipliers.ascend(batch.observation, self._excess(batch), pool)
+        self._multipliers.ascend(batch.observation, excess(batch, self._constraints, self._config.gamma), pool)
         return report.row() | self._row(self._multipliers.predict(batch.observation, pool))
-
-    def _excess(self, batch: Batch) -> Tensor:
-        """Return Q_k - d_k (M, K): how far the cost to go from each of the batch's states is above its limit."""
-        limits = torch.tensor([constraint.limit for constraint in self._constraints])
-        horizon = float(batch.episodes.length.mean()) * (1 - self._config.gamma)
-        return batch.targets[:, 1:] - limits / horizon
 
     def _row(self, values: Tensor) -> dict[str, float]:
         """Return the mean and the largest of the new multipliers (M, K) over the batch's states."""
@@ -90,6 +86,12 @@ class TrpoFac(Method):
         return {f"multiplier_{name}": float(x) for name, x in zip(names, mean, strict=True)} | {
             f"multiplier_{name}_max": float(x) for name, x in zip(names, largest, strict=True)
         }
+
+
+def excess(batch: Batch, constraints: Sequence[Constraint], gamma: float) -> Tensor:
+    """Return Q_k - d_k (M, K): how far the cost to go from each of the batch's states is above its limit."""
+    limits = torch.tensor([constraint.limit for constraint in constraints])
+    return batch.targets[:, 1:] - limits / (float(batch.episodes.length.mean()) * (1 - gamma))
 
 
 algorithm = OnPolicyAlgorithm(name="trpo-fac", config_type=TrpoFacConfig, method=TrpoFac)
