@@ -74,7 +74,9 @@ class Camera:
 
 def _middle(side: Array, ahead: Array, centre: Array) -> Array:
     """Return `centre` (2,) moved until points at `side` (P, 2), `ahead` (P, 1) of the camera, are seen about it."""
-    for _ in range(10):
+    for _ in range(6):  # Newton's method on a piecewise hyperbolic function: exact once the outermost points are found
         seen = (side - centre) / ahead
-        centre = centre + 0.5 * (seen.max(axis=0) + seen.min(axis=0)) * ahead.mean()
+        first, last = seen.argmin(axis=0), seen.argmax(axis=0)
+        slope = 1.0 / ahead[first, 0] + 1.0 / ahead[last, 0]
+        centre = centre + (seen.min(axis=0) + seen.max(axis=0)) / slope
     return centre

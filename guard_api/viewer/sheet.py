@@ -10,6 +10,7 @@ import numpy as np
 from PIL import Image as Pillow
 from PIL import ImageDraw, ImageFont
 
+from guard_api.errors import SpecError
 from guard_api.model.robot import RobotModel
 from guard_api.viewer.picture import Image, robot_picture
 
@@ -24,7 +25,9 @@ INK, MUTED, PAPER = (31, 41, 51), (103, 114, 126), (255, 255, 255)
 
 
 def contact_sheet(robots: Sequence[RobotModel], columns: int = 4) -> Image:
-    """Return one picture (height, width, 3) of all `robots` at home, row by row."""
+    """Return one picture (height, width, 3) of all `robots` at home, row by row. SpecError when there are none."""
+    if not robots:
+        raise SpecError("there are no robots to show")
     columns = min(columns, len(robots))
     rows = math.ceil(len(robots) / columns)
     width, height = CELL[0] + GAP, CELL[1] + CAPTION + GAP
