@@ -13,7 +13,14 @@ Estimate = Mapping[str, Any]
 PERCENT: Final = frozenset({"violation", "success", "failed", "retention"})
 """Quantities that are shares, shown in per cent."""
 
-ALGORITHMS: Final = {"cpo": "CPO", "trpo": "TRPO", "trpo-lagrangian": "TRPO-Lagrangian"}
+ALGORITHMS: Final = {
+    "cpo": "CPO",
+    "pcpo": "PCPO",
+    "trpo": "TRPO",
+    "trpo-fac": "TRPO-FAC",
+    "trpo-ipo": "TRPO-IPO",
+    "trpo-lagrangian": "TRPO-Lagrangian",
+}
 
 
 def number(value: float, like: float | None = None, signed: bool = False) -> str:
