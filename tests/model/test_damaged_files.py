@@ -118,7 +118,7 @@ def assert_sound(value: object) -> None:
         assert {item.joint for item in value.sensors if item.joint} <= set(value.joint_names)
     if is_dataclass(value):
         for field in fields(value):
-            if not field.name.endswith("_limit") and field.name not in {"ceiling", "radius"}:
+            if not field.name.endswith("_limit") and field.name not in {"ceiling", "radius", "reach"}:
                 assert_sound(getattr(value, field.name))
     elif isinstance(value, tuple):
         for item in value:
