@@ -35,9 +35,9 @@ from guard_api.testing.scenes import (
 )
 from guard_bullet import backend, dominance
 from guard_bullet.compile import approximations
+from guard_bullet.dominance import geared_joints
 from guard_bullet.engine import quiet
 from guard_bullet.passive import EngineSolution, PlanarBody
-from guard_bullet.rotors import geared_joints
 from guard_bullet.surfaces import surfaces
 
 CUBE = tuple((x, y, z) for x in (-0.1, 0.1) for y in (-0.1, 0.1) for z in (-0.1, 0.1))
@@ -232,6 +232,25 @@ def test_all_joints_rest_at_their_upper_stops_at_once():
         world.step(idle(world) + 0.1, 400)
         state = world.state()
     np.testing.assert_allclose(state.joint_position[0], upper, atol=1e-4)
+
+
+def test_a_sliding_ant_feels_the_friction_asked_for_on_average_over_directions():
+    slope, felt = np.arctan(0.5) + 0.3, []
+    across, down = 9.81 * np.sin(slope), 9.81 * np.cos(slope)
+    for heading in np.deg2rad([0.0, 15.0, 30.0, 45.0]):
+        along = np.array([np.cos(heading), np.sin(heading), 0.0])
+        gravity = tuple((across * along - [0.0, 0.0, down]).tolist())
+        scene = SceneSpec(robot=robots.ant(friction=0.5), timestep=0.005, gravity=gravity)
+        # Slides fast enough to keep its direction.
+        with running(backend, scene, base_linear_velocity=5.0 * along) as world:
+            world.step(idle(world), 20)
+            before = world.state().link_linear_velocity[0, 0] @ along
+            world.step(idle(world), 20)
+            gain = world.state().link_linear_velocity[0, 0] @ along - before
+        felt.append((across - gain / 0.1) / down)
+    assert felt[0] == pytest.approx(0.5 * np.pi / 4, rel=0.02)
+    assert np.average(felt, weights=[1, 2, 2, 1]) == pytest.approx(0.5, rel=0.03)
+    assert "on average" in " ".join(approximations(scene))
 
 
 def test_without_rotors_the_ground_would_not_feel_armature(monkeypatch):

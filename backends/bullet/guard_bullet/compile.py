@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from guard_api.errors import BackendError
 from guard_api.scene.spec import BodySpec, SceneSpec
 from guard_api.shapes import Mesh
-from guard_bullet.dominance import NEGLIGIBLE, can_touch
+from guard_bullet.dominance import NEGLIGIBLE, can_touch, geared_joints
 from guard_bullet.engine import Client, connect, disconnect, pybullet, solve_directly
+from guard_bullet.pairs import self_collides
 from guard_bullet.robot import BASE, NO_ROBOT, build_robot, neutralise
-from guard_bullet.rotors import build_rotors, geared_joints
+from guard_bullet.rotors import build_rotors
 from guard_bullet.shapes import body_collision, body_frame, collision_shape, xyzw
 from guard_bullet.surfaces import Surfaces, surfaces
 from guard_bullet.surfaces import approximations as surface_approximations
@@ -139,6 +140,8 @@ def _armature_approximations(scene: SceneSpec) -> Iterator[str]:
     if robot is None or not can_touch(scene, robot):
         return
     geared = geared_joints(scene, robot)
+    if geared and self_collides(robot):
+        yield "contacts among the robot's own links are not fully coupled to its other contacts (Bullet's direct solver)"
     names = [j.name for i, j in enumerate(robot.joints) if i not in geared and (j.armature > 0.0 or j.damping > 0.0)]
     if names:
         share = f"less than {NEGLIGIBLE:.0%} of the inertia that they move"

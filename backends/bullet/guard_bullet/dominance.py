@@ -36,6 +36,11 @@ def rotor_inertias(scene: SceneSpec, robot: RobotModel) -> Array:
     return np.where(matters | stopped, np.maximum(added, TOKEN * carried), 0.0)
 
 
+def geared_joints(scene: SceneSpec, robot: RobotModel) -> list[int]:
+    """Return the joints that have a rotor; wheel k of `guard_bullet.rotors` belongs to the k-th of them."""
+    return [i for i, inertia in enumerate(rotor_inertias(scene, robot)) if inertia > 0.0]
+
+
 def can_touch(scene: SceneSpec, robot: RobotModel) -> bool:
     """Return whether any shape of the robot can ever touch anything in this scene."""
     if not any(link.collisions for link in robot.links):

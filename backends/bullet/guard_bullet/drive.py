@@ -11,12 +11,11 @@ from guard_api.model.robot import RobotModel
 from guard_api.physics.actuation import ActuationLaw
 from guard_api.scene.spec import SceneSpec
 from guard_bullet.compile import Instance
-from guard_bullet.dominance import rotor_inertias
+from guard_bullet.dominance import geared_joints, rotor_inertias
 from guard_bullet.engine import pybullet
 from guard_bullet.motion import FIELDS, RobotMotion
 from guard_bullet.passive import PassiveLaw
 from guard_bullet.robot import BASE
-from guard_bullet.rotors import geared_joints
 from guard_bullet.shapes import principal
 
 Array = NDArray[np.float64]

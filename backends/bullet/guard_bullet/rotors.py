@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from guard_api.model.robot import RobotModel
 from guard_api.scene.spec import SceneSpec
-from guard_bullet.dominance import rotor_inertias
+from guard_bullet.dominance import geared_joints, rotor_inertias
 from guard_bullet.engine import Client, pybullet
 from guard_bullet.robot import BASE, NO_ROBOT, neutralise
 
@@ -30,11 +30,6 @@ FAR = 1e6
 """Where a stop is out of reach [rad] or [m]."""
 
 _NO_TURN = [0.0, 0.0, 0.0, 1.0]
-
-
-def geared_joints(scene: SceneSpec, robot: RobotModel) -> list[int]:
-    """Return the joints that have a wheel; wheel k belongs to the k-th of them."""
-    return [i for i, inertia in enumerate(rotor_inertias(scene, robot)) if inertia > 0.0]
 
 
 def build_rotors(client: Client, scene: SceneSpec, robot: RobotModel, body: int) -> int:

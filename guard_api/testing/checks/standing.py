@@ -162,8 +162,9 @@ def ant_survives_anything(backend: Backend) -> list[Finding]:
             beyond = np.maximum(limits[:, 0] - state.joint_position, state.joint_position - limits[:, 1])
             over = np.maximum(over, beyond.max())
             heights.append(state.link_position[:, 0, 2])
+        lost = int((~world.state().ok).sum())
     return [
-        count("worlds that diverged", int((~state.ok).sum())),
+        count("worlds that diverged", lost),
         Finding(what="joints beyond their stops", value=float(over), tolerance=2 * 7.0 * robot.timestep, unit="rad"),
         Finding(what="highest torso", value=float(np.max(heights)), tolerance=0.3, unit="m"),
         Finding(what="depth of the lowest torso", value=float(-np.min(heights)), tolerance=-0.06, unit="m"),
