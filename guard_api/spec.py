@@ -5,14 +5,18 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, get_args, get_type_hints
+from typing import Any, Final, cast, get_args, get_type_hints
 
 from guard_api.constraints import CONSTRAINTS, Constraint
 from guard_api.errors import SpecError, unknown_name
-from guard_api.scene.spec import ContactPreset
+from guard_api.scene.spec import ContactPreset, Placement
 from guard_api.tasks import TASKS, Task
+
+_UNLIMITED: Final = "unlimited"
+"""What stands for infinity in JSON."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -20,8 +24,8 @@ class EnvSpec:
     """Everything that defines an environment but the simulator.
 
     name: its id, such as Goal_Point_8Hazards. version: raised when the same id begins to mean something else.
-    extents: (xmin, ymin, xmax, ymax) [m] of the placement area. episode_length: steps until truncation.
-    preset: contact settings, see `guard_api.scene.spec`.
+    extents: (xmin, ymin, xmax, ymax) [m] of the placement area. robot_placement: where the robot may start.
+    episode_length: steps until truncation. preset: contact settings, see `guard_api.scene.spec`.
     """
 
     name: str
@@ -30,6 +34,7 @@ class EnvSpec:
     constraints: tuple[Constraint, ...]
     version: int = 0
     extents: tuple[float, float, float, float] = (-2.0, -2.0, 2.0, 2.0)
+    robot_placement: Placement = dataclasses.field(default_factory=Placement)
     episode_length: int = 1000
     preset: ContactPreset = "rigid"
 
@@ -56,8 +61,8 @@ class EnvSpec:
         data: dict[str, Any] = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         data["task"] = _term_to_json(self.task)
         data["constraints"] = [_term_to_json(constraint) for constraint in self.constraints]
-        data["extents"] = list(self.extents)
-        return data
+        data["robot_placement"] = dataclasses.asdict(self.robot_placement)
+        return _strict(data)
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> EnvSpec:
@@ -71,6 +76,7 @@ class EnvSpec:
             values["task"] = _term_from_json("task", TASKS, data["task"])
             values["constraints"] = tuple(_term_from_json("constraint", CONSTRAINTS, c) for c in data["constraints"])
             values["extents"] = tuple(float(x) for x in data.get("extents", (-2.0, -2.0, 2.0, 2.0)))
+            values["robot_placement"] = _dataclass_from_json(Placement, data.get("robot_placement", {}))
             return cls(**values)
         except (KeyError, TypeError, ValueError) as error:
             raise SpecError(
@@ -101,13 +107,24 @@ def _dataclass_from_json(kind: type, data: Mapping[str, Any]) -> Any:
     types = get_type_hints(kind)
     values = {}
     for key, value in data.items():
-        nested = types.get(key)
-        if isinstance(value, Mapping) and isinstance(nested, type) and dataclasses.is_dataclass(nested):
-            values[key] = _dataclass_from_json(nested, value)
+        nested = [kind for kind in (types.get(key), *get_args(types.get(key))) if dataclasses.is_dataclass(kind)]
+        if isinstance(value, Mapping) and nested:
+            values[key] = _dataclass_from_json(cast(type, nested[0]), value)
         else:
             values[key] = _as_tuple(value)
     return kind(**values)
 
 
 def _as_tuple(value: Any) -> Any:
-    return tuple(_as_tuple(item) for item in value) if isinstance(value, list) else value
+    if value == _UNLIMITED:
+        return math.inf
+    return tuple(_as_tuple(item) for item in value) if isinstance(value, list | tuple) else value
+
+
+def _strict(value: Any) -> Any:
+    """Return JSON data without the infinities that JSON does not have, and with lists for tuples."""
+    if isinstance(value, Mapping):
+        return {key: _strict(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_strict(item) for item in value]
+    return _UNLIMITED if value == math.inf else value

@@ -1,30 +1,50 @@
-"""Names of environments and the specifications behind them: `{Task}_{Robot}_{N}{Constraint}`, as in GUARD."""
+"""Names of environments and the specifications behind them: `{Task}_{Robot}_{N}{Constraint}`, as in GUARD.
+
+Several constraints follow each other, as in Goal_Point_8Hazards_2Vases. The numbers are those of GUARD's suite of 72
+(Zhao et al. 2023, table 20, and its engine's configuration).
+"""
 
 from __future__ import annotations
 
 import re
-from typing import Final
+from collections.abc import Callable
+from functools import cache
+from typing import Any, Final
 
-from guard_api.constraints import CONSTRAINTS
+from guard_api.constraints import CONSTRAINTS, Constraint
 from guard_api.errors import SpecError, unknown_name
-from guard_api.model.library import robot_names
+from guard_api.model.library import load_robot, robot_names
+from guard_api.model.robot import RobotModel
+from guard_api.scene.spec import Placement
+from guard_api.sensors.lidar import Lidar
 from guard_api.spec import EnvSpec
-from guard_api.tasks import TASKS
+from guard_api.tasks import TASKS, Task
+from guard_api.tasks.targets import Targets
 
-_GRAMMAR: Final = re.compile(r"(?P<task>[A-Za-z]+)_(?P<robot>[A-Za-z0-9_-]+)_(?P<count>\d+)(?P<constraint>[A-Za-z]+)")
+SUITE_TASKS: Final = ("Goal", "Push", "Chase", "Defense")
+SUITE_CONSTRAINTS: Final = ("Hazards", "Ghosts")
+SUITE_ROBOTS: Final = ("point", "swimmer", "ant", "walker", "humanoid", "hopper", "arm3", "arm6", "drone")
+SUITE_COUNT: Final = 8
 
-_MAX_COUNT: Final = 8
-"""Objects in the named suite; any other number works too."""
+HEIGHTS: Final = (0.5, 1.5)
+"""Where 3-D goals, hazards, ghosts and targets are [m]."""
+
+_STRIDE: Final = 0.001
+"""How far movers go in one environment step [m]; targets flee ten times as fast."""
+
+_GRAMMAR: Final = re.compile(r"(?P<task>[A-Za-z]+)_(?P<robot>[A-Za-z0-9-]+)(?P<constraints>(_\d+[A-Za-z]+)+)")
+_CONSTRAINT: Final = re.compile(r"_(\d+)([A-Za-z]+)")
+
+
+def suite_names() -> list[str]:
+    """Return the names of GUARD's suite whose robots are installed: 72 with all of them."""
+    robots = [robot for robot in SUITE_ROBOTS if robot in robot_names()]
+    return _names(SUITE_TASKS, robots, SUITE_CONSTRAINTS)
 
 
 def known_names() -> list[str]:
-    """Return the environment names of the suite: every task with every robot and eight objects of every constraint."""
-    return [
-        _name(task, robot, _MAX_COUNT, constraint)
-        for task in TASKS
-        for robot in robot_names()
-        for constraint in CONSTRAINTS
-    ]
+    """Return a name for every task, robot and constraint, eight objects each; any other number is a name as well."""
+    return _names(tuple(TASKS), robot_names(), tuple(CONSTRAINTS))
 
 
 def make_spec(name: str) -> EnvSpec:
@@ -35,25 +55,86 @@ def make_spec(name: str) -> EnvSpec:
     match = _GRAMMAR.fullmatch(name)
     if match is None:
         raise unknown_name("environment", name, known_names())
-    task, count, constraint = match["task"], int(match["count"]), match["constraint"]
+    task, counts = match["task"], [(int(n), kind) for n, kind in _CONSTRAINT.findall(match["constraints"])]
     robots = {robot.lower(): robot for robot in robot_names()}
-    robot = match["robot"].lower()
-    for kind, value, known in (
-        ("task", task, TASKS),
-        ("robot", robot, robots),
-        ("constraint", constraint, CONSTRAINTS),
-    ):
+    key = match["robot"].lower()
+    asked = [("task", task, TASKS), ("robot", key, robots), *(("constraint", kind, CONSTRAINTS) for _, kind in counts)]
+    for kind, value, known in asked:
         if value not in known:
             error = unknown_name(kind, value, known)
             raise SpecError(f"environment {name!r}: {error}")
+    robot = robots[key]
+    standing = _of(robot).base == "fixed"
     return EnvSpec(
-        name=_name(task, robots[robot], count, constraint),
-        robot=robots[robot],
-        task=TASKS[task](),
-        constraints=(CONSTRAINTS[constraint](count=count),),
+        name=_name(task, robot, counts),
+        robot=robot,
+        task=_TASKS.get(task, lambda robot: TASKS[task]())(_of(robot)),
+        constraints=tuple(_constraint(kind, count, _of(robot)) for count, kind in counts),
+        robot_placement=Placement(locations=((0.0, 0.0),)) if standing else Placement(),
     )
 
 
-def _name(task: str, robot: str, count: int, constraint: str) -> str:
+def _goal(robot: RobotModel) -> Task:
+    if not robot.spatial:
+        return TASKS["Goal"]()
+    return TASKS["Goal"](heights=HEIGHTS, reach=robot.reach, compass_axes=3)
+
+
+def _push(robot: RobotModel) -> Task:
+    # The goal stays on the floor, as in GUARD's suite: there the ball lies.
+    return TASKS["Push"](compass_axes=3 if robot.spatial else 2)
+
+
+def _chase(robot: RobotModel) -> Task:
+    return TASKS["Chase"](targets=_targets(robot, sight=3.0))
+
+
+def _defense(robot: RobotModel) -> Task:
+    # GUARD's suite has 2.5 m in five of the six suites of 3-D robots and forgets it in one.
+    return TASKS["Defense"](targets=_targets(robot, sight=2.5 if robot.spatial else 2.0))
+
+
+_TASKS: Final[dict[str, Callable[[RobotModel], Task]]] = {
+    "Goal": _goal,
+    "Push": _push,
+    "Chase": _chase,
+    "Defense": _defense,
+}
+
+
+def _targets(robot: RobotModel, sight: float) -> Targets:
+    speed = _stride_speed(robot)
+    return Targets(speed=speed, flight_speed=10.0 * speed, sight=sight, **_in_space(robot))
+
+
+def _constraint(kind: str, count: int, robot: RobotModel) -> Constraint:
+    settings: dict[str, Any] = {}
+    if kind == "Ghosts":
+        settings = {"speed": _stride_speed(robot), **_in_space(robot)}
+    elif kind == "Hazards":
+        settings = {"reach": robot.reach, **_in_space(robot)} if robot.spatial else {}
+    return CONSTRAINTS[kind](count=count, **settings)
+
+
+def _in_space(robot: RobotModel) -> dict[str, Any]:
+    """Return the settings that make the objects of a task or constraint 3-D ones, for a robot that works in space."""
+    return {"heights": HEIGHTS, "lidar": Lidar(bins=10, layers=6)} if robot.spatial else {}
+
+
+def _stride_speed(robot: RobotModel) -> float:
+    """Return the speed [m/s] of an object that goes one stride in an environment step of `robot`."""
+    return _STRIDE / (robot.substeps * robot.timestep)
+
+
+@cache
+def _of(robot: str) -> RobotModel:
+    return load_robot(robot)
+
+
+def _names(tasks: tuple[str, ...], robots: list[str], constraints: tuple[str, ...]) -> list[str]:
+    return [_name(t, r, [(SUITE_COUNT, c)]) for t in tasks for r in robots for c in constraints]
+
+
+def _name(task: str, robot: str, counts: list[tuple[int, str]]) -> str:
     """Return the one spelling of an environment's name."""
-    return f"{task}_{robot.capitalize()}_{count}{constraint}"
+    return "_".join([task, robot.capitalize(), *(f"{count}{kind}" for count, kind in counts)])

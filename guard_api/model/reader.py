@@ -80,6 +80,8 @@ def build_robot(tree: Tree, side: SideFile, problems: Problems) -> RobotModel:
         sensors=sensors,
         home=Home(height=base.height, joint_position=dict(side.joint_position)),
         keepout=side.keepout,
+        spatial=side.spatial,
+        reach=side.reach,
         timestep=side.timestep,
         substeps=side.substeps,
         collide_ground=base.kind != "planar" if side.collide_ground is None else side.collide_ground,

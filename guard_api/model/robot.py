@@ -171,6 +171,8 @@ class RobotModel:
     lidar: frames that carry a lidar and a compass each; empty stands for the reference alone.
     segments: what 3-D distances are measured from; empty stands for the reference as a point.
     keepout: radius kept free around the robot when a layout is sampled [m].
+    spatial: whether it works in space: tasks and constraints take their 3-D forms. reach: the most distance of its
+    reference from its base [m], for robots that stand in one place.
     timestep: physics step [s], the same in every engine. substeps: physics steps per environment step.
     collide_ground: False for planar robots of fixed height, which must not rub on the floor.
     notes: what the readers inferred, merged or ignored, one sentence each; shown by `guard robot check`.
@@ -188,6 +190,8 @@ class RobotModel:
     sensors: tuple[Sensor, ...] = ()
     home: Home = field(default_factory=Home)
     keepout: float = 0.4
+    spatial: bool = False
+    reach: float = float("inf")
     timestep: float = 0.002
     substeps: int = 10
     collide_ground: bool = True

@@ -4,6 +4,8 @@ Every key, with its default or an example:
 
     licence = ""               # SPDX expression, such as "CC0-1.0"
     keepout = 0.4              # radius kept free around the robot in layouts [m]
+    spatial = false            # whether it works in space: tasks and constraints take their 3-D forms
+    reach = 2.0                # most distance of its reference from its base [m]; unlimited when left out
     timestep = 0.002           # physics step [s], the same in every engine
     substeps = 10              # physics steps per environment step
     collide_ground = true      # false by default for a planar base, whose height is fixed
@@ -110,6 +112,8 @@ class SideFile:
     given: frozenset[str] = frozenset()
     licence: str = ""
     keepout: float = 0.4
+    spatial: bool = False
+    reach: float = math.inf
     timestep: float = 0.002
     substeps: int = 10
     collide_ground: bool | None = None
@@ -152,6 +156,8 @@ def read_side_file(path: Path, problems: Problems) -> SideFile:
         given=frozenset(data) | {f"base.{key}" for key in base},
         licence=top.text("licence", ""),
         keepout=top.number("keepout", 0.4, above=0.0),
+        spatial=top.boolean("spatial", False),
+        reach=top.number("reach", above=0.0) if "reach" in top else math.inf,
         timestep=top.number("timestep", 0.002, above=0.0),
         substeps=top.integer("substeps", 10, at_least=1),
         collide_ground=top.boolean("collide_ground", True) if "collide_ground" in top else None,

@@ -47,6 +47,8 @@ def to_side_file(model: RobotModel) -> str:
     lines = [
         f"licence = {_toml(model.licence)}",
         f"keepout = {_toml(model.keepout)}",
+        f"spatial = {_toml(model.spatial)}",
+        *([f"reach = {_toml(model.reach)}"] if math.isfinite(model.reach) else []),
         f"timestep = {_toml(model.timestep)}",
         f"substeps = {model.substeps}",
         f"collide_ground = {_toml(model.collide_ground)}",
