@@ -141,7 +141,7 @@ def _armature_approximations(scene: SceneSpec) -> Iterator[str]:
         return
     geared = geared_joints(scene, robot)
     if geared and self_collides(robot):
-        yield "contacts among the robot's own links are not fully coupled to its other contacts (Bullet's direct solver)"
+        yield "contacts among the robot's own links are coupled to its others in part only (Bullet's direct solver)"
     names = [j.name for i, j in enumerate(robot.joints) if i not in geared and (j.armature > 0.0 or j.damping > 0.0)]
     if names:
         share = f"less than {NEGLIGIBLE:.0%} of the inertia that they move"
