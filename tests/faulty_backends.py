@@ -55,6 +55,16 @@ def with_actuators(**values):
     return FaultyBackend(scene=change)
 
 
+def with_bodies(**values):
+    """A backend that builds every body with other values than the scene's."""
+
+    def change(scene):
+        groups = tuple(replace(group, body=replace(group.body, **values)) for group in scene.groups)
+        return replace(scene, groups=groups)
+
+    return FaultyBackend(scene=change)
+
+
 def with_links(change):
     """A backend that builds changed links."""
 

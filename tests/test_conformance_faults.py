@@ -33,6 +33,7 @@ from tests.faulty_backends import (
     at_com,
     faulty_state,
     with_actuators,
+    with_bodies,
     with_joints,
     with_links,
 )
@@ -114,6 +115,8 @@ FAULTS = {
         with_links(lambda link: replace(link, inertia=tuple(map(tuple, np.diag(np.diag(link.inertia)))))),
         ["link_inertials", "floating_mass_matrix", "chain_trajectory"],
     ),
+    "bodies undamped": (with_bodies(damping=0.0), ["damping_of_bodies"]),
+    "all bodies damped": (with_bodies(damping=0.04), ["damping_of_bodies", "free_fall_of_bodies"]),
     "gears dropped": (
         FaultyBackend(scene=lambda s: replace(s, robot=replace(s.robot, actuators=tuple(
             replace(a, gear=1.0) for a in s.robot.actuators)))),

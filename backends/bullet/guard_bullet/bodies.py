@@ -31,6 +31,8 @@ class Bodies:
         kinds = [body.physics for body in scene.bodies]
         self.dynamic = [i for i, kind in enumerate(kinds) if kind == "dynamic"]
         self.driven = [i for i, kind in enumerate(kinds) if kind == "driven"]
+        decay = {i: float(np.exp(-scene.bodies[i].damping * scene.timestep)) for i in self.dynamic}
+        self._decay = {i: share for i, share in decay.items() if share < 1.0}
         self._axes = np.array([body_frame(body.shape).quaternion for body in scene.bodies]).reshape(-1, 4)
         self._targets: dict[int, tuple[Array, Array]] = {}
 
@@ -72,6 +74,18 @@ class Bodies:
         self.angular[cell] = numbers[..., 10:]
         axes = rotations.conjugate(self._axes[self.dynamic])
         self.quaternion[cell] = rotations.multiply(numbers[..., 3:7], axes)
+
+    def damp(self, worlds: list[int], instances: list[Instance]) -> None:
+        """Take from the velocities of damped bodies what they lose in a timestep.
+
+        The engine's own damping of a velocity v has a part that grows with |v|.
+        """
+        for index, share in self._decay.items():
+            for world in worlds:
+                body, client = instances[world].bodies[index], instances[world].client
+                linear, angular = pybullet.getBaseVelocity(body, client)
+                slower = [share * v for v in linear], [share * w for w in angular]
+                pybullet.resetBaseVelocity(body, *slower, physicsClientId=client)
 
     def aim(self, indices: slice, position: Array, quaternion: Array) -> None:
         """Let the driven bodies `indices` reach `position` (N, n, 3), `quaternion` (N, n, 4) in the next step."""

@@ -147,6 +147,7 @@ class BulletWorld:
     def _substep(self) -> None:
         """Evaluate the law, advance the engine one timestep and fetch what the law needs next."""
         worlds = self._active()
+        self._bodies.damp(worlds, self._instances)
         if self._drive:
             self._ok &= self._drive.advance(worlds, self._instances)
         else:

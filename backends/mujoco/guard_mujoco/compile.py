@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from guard_api.errors import BackendError
 from guard_api.model.inertia import as_vector, of_shape
 from guard_api.scene.spec import BodySpec, SceneSpec
-from guard_api.shapes import Pose
+from guard_api.shapes import Mesh, Pose
 from guard_mujoco.contact import Surface, add_pairs, set_options
 from guard_mujoco.robot import FREE_JOINT, add_robot, joint_name, link_body, neighbours
 from guard_mujoco.sensors import ContactReadout, add_contact_sensors, contact_readout, touch_approximations
@@ -64,6 +64,9 @@ class CompiledScene:
         notes = touch_approximations(robot) if robot else []
         if len(self.driven):
             notes.append(f"driven bodies: their mass is {DRIVEN_INERTIA:g} times that of all that moves, not infinite")
+        for group in self.scene.groups:
+            if group.body.damping > 0.0 and isinstance(group.body.shape, Mesh):
+                notes.append(f"group {group.name!r}: its spin is damped as if the body's axes were principal ones")
         return tuple(notes)
 
 
@@ -78,6 +81,7 @@ def compile_scene(scene: SceneSpec) -> CompiledScene:
     compiled = _locate(scene, model)
     if len(compiled.driven):
         _scale_solver(model, compiled)
+    _damp(model, compiled)
     return compiled
 
 
@@ -179,6 +183,21 @@ def _scale_solver(model: mujoco.MjModel, compiled: CompiledScene) -> None:
         own[dof : dof + 6] = False
     if own.any():
         model.stat.meaninertia = model.dof_M0[own].mean()
+
+
+def _damp(model: mujoco.MjModel, compiled: CompiledScene) -> None:
+    """Let the velocities of damped bodies fall by exp(-c h) in a timestep h.
+
+    MuJoCo divides them by 1 + h d / m, d the damping of the free joint and m the mass (the inertia for the spin), which
+    is the same for d = m (exp(c h) - 1) / h.
+    """
+    for index, dof in zip(compiled.free, compiled.free_dof, strict=True):
+        body = compiled.scene.bodies[index]
+        if body.physics == "dynamic" and body.damping > 0.0:
+            rate = np.expm1(body.damping * compiled.scene.timestep) / compiled.scene.timestep
+            solid = of_shape(body.shape, density=1.0)
+            model.dof_damping[dof : dof + 3] = rate * body.mass
+            model.dof_damping[dof + 3 : dof + 6] = rate * body.mass * np.diag(solid.inertia) / solid.mass
 
 
 def _body_id(model: mujoco.MjModel, name: str) -> int:

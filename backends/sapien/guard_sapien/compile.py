@@ -55,7 +55,7 @@ def compile_scene(spec: SceneSpec, table: ContactTable, worlds: int) -> list[Cop
         _add(scene, component, "ground")
         first_link += 1
     for _ in range(worlds):
-        bodies = [_body(body, table) for body in spec.bodies]
+        bodies = [_body(body, table, spec.timestep) for body in spec.bodies]
         for index, component in enumerate(bodies):
             _add(scene, component, f"body_{index}")
         robot = add_robot(scene, spec, spec.robot, table) if spec.robot else None
@@ -83,14 +83,15 @@ def cylinder_notes(spec: SceneSpec) -> tuple[str, ...]:
     return tuple(CYLINDER_NOTE.format(owner=owner) for owner in owners)
 
 
-def _body(body: BodySpec, table: ContactTable) -> Body:
+def _body(body: BodySpec, table: ContactTable, timestep: float) -> Body:
     material = (body.friction, body.restitution)
     if body.physics == "static":
         static = physx.PhysxRigidStaticComponent()
         attach(static, body.shape, at=Pose(), facings=table.fixed(material))
         return static
     moving = physx.PhysxRigidDynamicComponent()
-    moving.linear_damping = moving.angular_damping = 0.0
+    # PhysX multiplies velocities by 1 - h d in a timestep h: with this d that is exp(-c h).
+    moving.linear_damping = moving.angular_damping = -np.expm1(-body.damping * timestep) / timestep
     moving.max_linear_velocity = moving.max_angular_velocity = UNLIMITED_SPEED
     moving.sleep_threshold = 0.0
     if body.physics == "driven":

@@ -65,6 +65,41 @@ def free_fall_of_bodies(backend: Backend) -> list[Finding]:
 
 
 @check("C12")
+def damping_of_bodies(backend: Backend) -> list[Finding]:
+    """Dynamic bodies lose their linear and angular velocities as exp(-c t), whatever their mass, and only damped ones.
+
+    The way is the sum of the velocities after each step, h v e^-ch (1 - e^-cT) / (1 - e^-ch). Under gravity a damped
+    body stops gaining speed at g / c; the order of pull and damping within a step is free, a relative c h of it.
+    """
+    steps, rate = 500, 2.0
+    speed, spin = np.array([3.0, -1.0, 0.5]), 5.0
+    light, plain = body(mass=0.01, damping=rate), body()
+    scene = bodies_scene(("light", light, 1), ("plain", plain, 1), ground=False, gravity=WEIGHTLESS)
+    start = {
+        "body_linear_velocity": speed,
+        "body_angular_velocity": (0, 0, spin),
+        "body_position": [(0,) * 3, (9,) * 3],
+    }
+    with running(backend, scene, **start) as world:
+        world.step(idle(world), steps)
+        state = world.state()
+    left, decay = np.exp(-rate * steps * TIMESTEP), np.exp(-rate * TIMESTEP)
+    way = TIMESTEP * speed * decay * (1.0 - left) / (1.0 - decay)
+    noise = rounding(backend, 5.0, steps, operations=4)
+    falling = bodies_scene(("light", light, 1), ground=False, gravity=EARTH)
+    with running(backend, falling) as world:
+        world.step(idle(world), 10 * steps)
+        terminal = world.state().body_linear_velocity[0, 0, 2]
+    return [
+        error("velocity after 1 s", state.body_linear_velocity[0, 0], left * speed, noise, "m/s"),
+        error("spin after 1 s", state.body_angular_velocity[0, 0], [0.0, 0.0, left * spin], noise, "rad/s"),
+        error("way after 1 s", state.body_position[0, 0], way, noise, "m"),
+        error("velocity of the undamped one", state.body_linear_velocity[0, 1], speed, noise, "m/s"),
+        error("speed of a long fall", terminal, -G / rate, 2 * rate * TIMESTEP * G / rate, "m/s"),
+    ]
+
+
+@check("C12")
 def no_speed_limits(backend: Backend) -> list[Finding]:
     """Fast joints stay fast: no engine default caps or brakes 200 rad/s."""
     with running(backend, robot_scene(one_joint("continuous")), joint_velocity=200.0) as world:

@@ -23,14 +23,15 @@ class FreeBodies:
         self._timestep, self._gravity = scene.timestep, np.array(scene.gravity)
         self._inertia = np.array([_inertia(body) for body in scene.bodies]).reshape(-1, 3, 3)
         self._inverse = np.linalg.inv(self._inertia)
+        self._decay = np.exp(-scene.timestep * np.array([body.damping for body in scene.bodies]))[:, None]
 
     def fall(self, now: Mapping[str, Array]) -> dict[str, Array]:
-        """Return what a timestep of free fall changes; the spin changes so that angular momentum does not."""
+        """Return what a timestep of free fall changes; undamped, the spin changes so that angular momentum does not."""
         h, quaternion = self._timestep, now["body_quaternion"]
-        linear = now["body_linear_velocity"] + h * self._gravity
-        spin = rotations.unrotate(quaternion, now["body_angular_velocity"])
+        linear = self._decay * (now["body_linear_velocity"] + h * self._gravity)
+        spin = rotations.unrotate(quaternion, self._decay * now["body_angular_velocity"])
         momentum = rotations.rotate(quaternion, (self._inertia * spin[..., None, :]).sum(axis=-1))
-        quaternion = turned(quaternion, h * now["body_angular_velocity"])
+        quaternion = turned(quaternion, h * self._decay * now["body_angular_velocity"])
         spin = (self._inverse * rotations.unrotate(quaternion, momentum)[..., None, :]).sum(axis=-1)
         fallen = {
             "body_position": now["body_position"] + h * linear,
