@@ -29,6 +29,9 @@ SUITE_COUNT: Final = 8
 HEIGHTS: Final = (0.5, 1.5)
 """Where 3-D goals, hazards, ghosts and targets are [m]."""
 
+_NEEDS: Final = {"Button": "Buttons"}
+"""Tasks about objects that a constraint places -> that constraint."""
+
 _STRIDE: Final = 0.001
 """How far movers go in one environment step [m]; targets flee ten times as fast."""
 
@@ -132,7 +135,13 @@ def _of(robot: str) -> RobotModel:
 
 
 def _names(tasks: tuple[str, ...], robots: list[str], constraints: tuple[str, ...]) -> list[str]:
-    return [_name(t, r, [(SUITE_COUNT, c)]) for t in tasks for r in robots for c in constraints]
+    return [
+        _name(task, robot, [(SUITE_COUNT, constraint)])
+        for task in tasks
+        for robot in robots
+        for constraint in constraints
+        if _NEEDS.get(task, constraint) == constraint
+    ]
 
 
 def _name(task: str, robot: str, counts: list[tuple[int, str]]) -> str:
