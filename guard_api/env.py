@@ -68,7 +68,7 @@ class Environment:
             raise SpecError(f"num_worlds is {num_worlds}: it must be at least 1")
         self.spec, self.backend_name, self.num_worlds, self.seed = spec, backend, num_worlds, _checked(seed)
         self.robot = load_robot(spec.robot)
-        self._groups = (*spec.task.objects(), *(g for c in spec.constraints for g in c.objects()))
+        self._groups = spec.groups
         self.scene = SceneSpec(
             robot=self.robot,
             groups=tuple(group for group in self._groups if group.body.physics != "phantom"),
@@ -102,7 +102,7 @@ class Environment:
 
     @property
     def groups(self) -> tuple[BodyGroup, ...]:
-        """Every body group of the task and the constraints, phantoms included."""
+        """Every body group of the specification, phantoms included."""
         return self._groups
 
     @property
@@ -178,7 +178,7 @@ class Environment:
 
     def _move(self, now: Snapshot) -> None:
         """Put the phantoms that move by themselves where they will be, and send the driven bodies there."""
-        for mover in (self.spec.task, *self.spec.constraints):
+        for mover in self.spec.terms:
             for group, position in mover.move(now, self.duration).items():
                 if group in self._slices:
                     self.world.drive(group, position, now.state.body_quaternion[:, self._slices[group]])
@@ -230,14 +230,13 @@ class Environment:
     def _costs(self, t: Transition) -> Array:
         costs = np.empty((self.num_worlds, len(self.spec.constraints)))
         for column, constraint in enumerate(self.spec.constraints):
-            costs[:, column] = constraint.cost(t)
+            costs[:, column] = constraint.cost(t) if self.spec.graded else constraint.indicator(t)
         return costs
 
     def _readings(self, t: Transition) -> dict[str, Array]:
         readings = self._sensors.read(t)
-        readings.update(self.spec.task.observe(t))
-        for constraint in self.spec.constraints:
-            readings.update(constraint.observe(t))
+        for term in self.spec.terms:
+            readings.update(term.observe(t))
         return readings
 
     def _layout(self) -> dict[str, slice]:

@@ -12,7 +12,7 @@ from typing import Any, Final, cast, get_args, get_type_hints
 
 from guard_api.constraints import CONSTRAINTS, Constraint
 from guard_api.errors import SpecError, unknown_name
-from guard_api.scene.spec import ContactPreset, Placement
+from guard_api.scene.spec import BodyGroup, ContactPreset, Placement
 from guard_api.tasks import TASKS, Task
 
 _UNLIMITED: Final = "unlimited"
@@ -26,6 +26,8 @@ class EnvSpec:
     name: its id, such as Goal_Point_8Hazards. version: raised when the same id begins to mean something else.
     extents: (xmin, ymin, xmax, ymax) [m] of the placement area. robot_placement: where the robot may start.
     episode_length: steps until truncation. preset: contact settings, see `guard_api.scene.spec`.
+    scenery: what is placed, moves and is observed like constraints, but costs nothing.
+    graded: whether costs say how bad a violation is, as in GUARD, or 1 for any, as in Safety Gym.
     """
 
     name: str
@@ -37,10 +39,12 @@ class EnvSpec:
     robot_placement: Placement = dataclasses.field(default_factory=Placement)
     episode_length: int = 1000
     preset: ContactPreset = "rigid"
+    scenery: tuple[Constraint, ...] = ()
+    graded: bool = True
 
     def __post_init__(self) -> None:
         """Refuse what means nothing: one SpecError that names the field."""
-        groups = [*self.task.objects(), *(g for constraint in self.constraints for g in constraint.objects())]
+        groups = self.groups
         names = [group.name for group in groups]
         for name in names:
             if names.count(name) > 1:
@@ -56,11 +60,22 @@ class EnvSpec:
         if not (xmin < xmax and ymin < ymax):
             raise SpecError(f"environment {self.name!r}: extents {self.extents} are not (xmin, ymin, xmax, ymax)")
 
+    @property
+    def terms(self) -> tuple[Task | Constraint, ...]:
+        """Everything that places, moves and observes objects, in this order."""
+        return (self.task, *self.constraints, *self.scenery)
+
+    @property
+    def groups(self) -> tuple[BodyGroup, ...]:
+        """The body groups of all terms, in the order in which they are placed."""
+        return tuple(group for term in self.terms for group in term.objects())
+
     def to_json(self) -> dict[str, Any]:
         """Return the specification as JSON data; `EnvSpec.from_json` reads it back."""
         data: dict[str, Any] = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         data["task"] = _term_to_json(self.task)
-        data["constraints"] = [_term_to_json(constraint) for constraint in self.constraints]
+        for part in ("constraints", "scenery"):
+            data[part] = [_term_to_json(constraint) for constraint in getattr(self, part)]
         data["robot_placement"] = dataclasses.asdict(self.robot_placement)
         return _strict(data)
 
@@ -74,7 +89,8 @@ class EnvSpec:
         try:
             values = dict(data)
             values["task"] = _term_from_json("task", TASKS, data["task"])
-            values["constraints"] = tuple(_term_from_json("constraint", CONSTRAINTS, c) for c in data["constraints"])
+            for part, terms in (("constraints", data["constraints"]), ("scenery", data.get("scenery", ()))):
+                values[part] = tuple(_term_from_json("constraint", CONSTRAINTS, term) for term in terms)
             values["extents"] = tuple(float(x) for x in data.get("extents", (-2.0, -2.0, 2.0, 2.0)))
             values["robot_placement"] = _dataclass_from_json(Placement, data.get("robot_placement", {}))
             return cls(**values)
