@@ -18,8 +18,8 @@ from guard_api.tasks.button import lit
 class Buttons:
     """`count` immovable spheres of radius `size` [m]; the cost is `weight` for each that is pressed.
 
-    Where a goal stands on one of them (the task `Button`), that one is free, and for `delay` steps after each success
-    all of them are, and their lidar reads zero.
+    Where a goal stands on one of them (the task `Button`), that one is free. After each success all of them are, for
+    `delay` steps, and their lidar reads zero for as many observations.
     """
 
     count: int
@@ -58,15 +58,11 @@ class Buttons:
         return self._wrong(t.now).sum(axis=1) > 0
 
     def observe(self, t: Transition) -> dict[str, Array]:
-        """Return `buttons_lidar`, zero while the buttons rest."""
+        """Return `buttons_lidar`, zero after a success."""
         reading = self.lidar.read(t.now, t.now.bodies[self.name])
-        return {"buttons_lidar": np.where(self._resting(t.now), 0.0, reading)}
+        return {"buttons_lidar": np.where(t.now.steps_since_success[:, None] < self.delay, 0.0, reading)}
 
     def _wrong(self, now: Snapshot) -> NDArray[np.bool_]:
         """Return which buttons are pressed that should not be: (N, count)."""
-        pressed = now.contact(self.name) & ~self._resting(now)
+        pressed = now.contact(self.name) & (now.steps_since_success[:, None] > self.delay)
         return pressed & ~lit(now) if "goal" in now.bodies else pressed
-
-    def _resting(self, now: Snapshot) -> NDArray[np.bool_]:
-        """Return in which worlds the last success is less than `delay` steps ago: (N, 1)."""
-        return now.steps_since_success[:, None] < self.delay

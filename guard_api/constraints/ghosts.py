@@ -68,15 +68,18 @@ class Ghosts:
 
     def cost(self, t: Transition) -> Array:
         """Return the summed depth [m] inside the ghosts, or how many touch: (N,)."""
-        if self.solid:
-            return self.weight * t.now.contact(self.name).sum(axis=1)
-        places = t.now.bodies[self.name]
-        return self.weight * depth(t.now, places, self.size, spatial=self.heights is not None).sum(axis=1)
+        return self.weight * self._violation(t.now).sum(axis=1)
 
     def indicator(self, t: Transition) -> NDArray[np.bool_]:
         """Return whether the robot is inside a ghost or touches one: (N,)."""
-        return self.cost(t) > 0.0
+        return self._violation(t.now).sum(axis=1) > 0.0
 
     def observe(self, t: Transition) -> dict[str, Array]:
         """Return `ghosts_lidar`."""
         return {"ghosts_lidar": self.lidar.read(t.now, t.now.bodies[self.name])}
+
+    def _violation(self, now: Snapshot) -> Array:
+        """Return how deep the robot is in each ghost [m], or 1 where a solid one touches it: (N, count)."""
+        if self.solid:
+            return now.contact(self.name).astype(float)
+        return depth(now, now.bodies[self.name], self.size, spatial=self.heights is not None)

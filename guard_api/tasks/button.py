@@ -9,23 +9,28 @@ from numpy.typing import NDArray
 
 from guard_api.physics.transition import Array, Snapshot, Transition
 from guard_api.scene.spec import BodyGroup, BodySpec, Placement
-from guard_api.sensors.lidar import compass
+from guard_api.sensors.lidar import Lidar, compass
 from guard_api.shapes import Cylinder
 
 BUTTONS = "buttons"
-"""The group that the goal stands on: the constraint `Buttons` places it, and its weight may be 0."""
+"""The group that the goal stands on: `guard_api.constraints.Buttons` places it, as a constraint or as scenery."""
+
+_SAME_PLACE = 1e-3
+"""Distance [m] below which goal and button are at one place: some engines keep places in float32."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Button:
     """Touch the button that the goal stands on; it then moves to another one.
 
-    The reward of a step is the distance gained [m] in the plane, plus `bonus` for the press.
+    The reward of a step is the distance gained [m] in the plane, plus `bonus` for the press. lidar: what observes the
+    goal instead of the compass.
     """
 
     size: float = 0.2
     bonus: float = 1.0
     compass_axes: int = 2
+    lidar: Lidar | None = None
 
     def objects(self) -> tuple[BodyGroup, ...]:
         """Return the goal's marker, a phantom on one of the buttons."""
@@ -50,14 +55,16 @@ class Button:
         return "goal"
 
     def observe(self, t: Transition) -> dict[str, Array]:
-        """Return `goal_compass`: the direction of the goal's button."""
+        """Return `goal_compass` or `goal_lidar`: where the goal's button is."""
+        if self.lidar is not None:
+            return {"goal_lidar": self.lidar.read(t.now, t.now.bodies["goal"])}
         return {"goal_compass": compass(t.now, t.now.bodies["goal"][:, 0], self.compass_axes)}
 
 
 def lit(now: Snapshot) -> NDArray[np.bool_]:
     """Return which of the buttons the goal stands on: (N, count)."""
     offset = now.bodies[BUTTONS][..., :2] - now.bodies["goal"][..., :2]
-    return (offset * offset).sum(axis=-1) < 1e-12
+    return (offset * offset).sum(axis=-1) < _SAME_PLACE**2
 
 
 def _distance(position: Array, snapshot: Snapshot) -> Array:

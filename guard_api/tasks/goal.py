@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from guard_api.physics.transition import Array, Snapshot, Transition
 from guard_api.scene.spec import BodyGroup, BodySpec, Placement
-from guard_api.sensors.lidar import compass
+from guard_api.sensors.lidar import Lidar, compass
 from guard_api.shapes import Cylinder, Sphere
 
 
@@ -23,7 +23,7 @@ class Goal:
     The reward of a step is the distance gained [m], in the plane or in space, plus `bonus` on arrival, when the goal
     moves to a new free place. keepout: radius kept free around the goal when placed [m]. reach: the goal is placed at
     most this far from the origin in space [m], and a ball never where it is reached already. compass_axes: 2 or 3
-    numbers in the compass.
+    numbers in the compass. lidar: what observes the goal instead of the compass.
     """
 
     size: float = 0.5
@@ -32,6 +32,7 @@ class Goal:
     heights: tuple[float, float] | None = None
     reach: float = float("inf")
     compass_axes: int = 2
+    lidar: Lidar | None = None
 
     def objects(self) -> tuple[BodyGroup, ...]:
         """Return the goal, a phantom."""
@@ -64,7 +65,9 @@ class Goal:
         return "goal"
 
     def observe(self, t: Transition) -> dict[str, Array]:
-        """Return `goal_compass`: the direction of the goal, `compass_axes` numbers for every sensing frame."""
+        """Return `goal_compass`, `compass_axes` numbers for every sensing frame, or `goal_lidar`."""
+        if self.lidar is not None:
+            return {"goal_lidar": self.lidar.read(t.now, t.now.bodies["goal"])}
         return {"goal_compass": compass(t.now, t.now.bodies["goal"][:, 0], self.compass_axes)}
 
     def _distance(self, position: Array, snapshot: Snapshot) -> Array:
