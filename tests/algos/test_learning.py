@@ -7,7 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from guard_algos import cpo, trpo, trpo_lagrangian
+from guard_algos import cpo, trpo, trpo_fac, trpo_lagrangian
+from guard_algos.on_policy import OnPolicyAlgorithm
+from guard_api.runs.directory import RunDirectory
 from tests.algos.bandit import Bandit, final_policy, train
 
 LENGTH = 20
@@ -42,6 +44,28 @@ def test_cpo_keeps_two_named_limits_of_which_one_binds(tmp_path: Path) -> None:
     reward, cost = per_step(final_policy(cpo.algorithm, tmp_path))
     assert cost == pytest.approx(0.25, rel=0.1)
     assert reward == pytest.approx(0.75, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "rate"),
+    [
+        (trpo_lagrangian.algorithm, {"multiplier_rate": 0.05}),
+        pytest.param(trpo_fac.algorithm, {"multiplier_learning_rate": 0.01}, marks=pytest.mark.slow),
+    ],
+    ids=["trpo-lagrangian", "trpo-fac"],
+)
+def test_multipliers_reach_the_limit_the_optimal_return_and_the_dual_value(
+    tmp_path: Path, algorithm: OnPolicyAlgorithm, rate: dict[str, float]
+) -> None:
+    options = FAST | {"steps_per_epoch": 8000, "target_kl": 0.005}  # a small step: the policy ripples less about it
+    config = algorithm.config_type(**options, **rate, cost_limit=0.25 * LENGTH)
+    train(algorithm, Bandit(400, LENGTH, {"a": 1.0}), tmp_path, config, 120 * 8000)
+    reward, cost = per_step(final_policy(algorithm, tmp_path))
+    rows = RunDirectory.open(tmp_path).rows()[-50:]
+    multiplier = np.mean([row["multiplier_cost"] * row["reward_advantage_std"] for row in rows])
+    assert cost == pytest.approx(0.25, rel=0.1)
+    assert reward == pytest.approx(0.75, rel=0.05)
+    assert multiplier == pytest.approx(1.0, rel=0.25)
 
 
 def test_trpo_lagrangian_without_cost_is_trpo_bit_for_bit(tmp_path: Path) -> None:
