@@ -26,7 +26,7 @@ from guard_algos.finite import NotFiniteError
 from guard_algos.gaussian import GaussianPolicy
 from guard_algos.networks import Mlp
 from guard_algos.policy import TrainedPolicy, make_policy
-from guard_algos.rollout import collect
+from guard_algos.rollout import Correct, collect
 from guard_algos.workers import workers
 from guard_api.algorithm import TrainingJob
 from guard_api.errors import GuardError, SpecError
@@ -58,6 +58,10 @@ class Method:
     def correct(self, observation: Tensor, costs: Tensor | None, action: Tensor) -> Tensor:
         """Return what is executed of the policy's actions: see `rollout.Correct`."""
         return action
+
+    def traceable(self) -> Correct | None:
+        """Return `correct` as tensor operations without control flow on values; None where it changes nothing."""
+        return None
 
     def tensors(self) -> dict[str, Tensor]:
         """Return the live state that the method learns; a checkpoint saves it and writes it back in place."""
@@ -95,6 +99,15 @@ class OnPolicyAlgorithm:
         arrays, state = checkpoints.read(checkpoint, self.name)
         correct = self._trained_method(checkpoint, arrays, state).correct if self.corrects else None
         return make_policy(checkpoint, arrays, state, seed, correct)
+
+    def export_policy(self, checkpoint: Path, out: Path, contract: Mapping[str, Any]) -> dict[str, Any]:
+        """Write the policy of one checkpoint to `out` as ONNX, with `contract`: see `onnx_export.write`."""
+        from guard_algos import onnx_export  # noqa: PLC0415  needs packages that training does not
+
+        arrays, state = checkpoints.read(checkpoint, self.name)
+        policy = self.load_policy(checkpoint)
+        correct = self._trained_method(checkpoint, arrays, state).traceable() if self.corrects else None
+        return onnx_export.write(policy, correct, state, out, contract)
 
     def _trained_method(self, path: Path, arrays: Mapping[str, NDArray[Any]], state: TrainingState) -> Method:
         """Return the method as the checkpoint left it."""

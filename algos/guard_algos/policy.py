@@ -25,6 +25,10 @@ class TrainedPolicy:
         self._policy, self._theta, self._correct = policy, theta, correct
         self._generator = torch.Generator().manual_seed(seed)
 
+    def mean(self, observation: Tensor) -> Tensor:
+        """Return the mean actions (N, A) at observations (N, O) before any correction."""
+        return self._policy.mean(self._theta, observation)
+
     def act(
         self,
         observation: NDArray[np.floating],
@@ -42,7 +46,7 @@ class TrainedPolicy:
         x = torch.from_numpy(np.ascontiguousarray(observation, np.float32))
         with torch.no_grad():
             if deterministic:
-                action = self._policy.mean(self._theta, x)
+                action = self.mean(x)
             else:
                 noise = torch.randn(len(x), self._policy.action_size, generator=self._generator)
                 action = self._policy.act(self._theta, x, noise)

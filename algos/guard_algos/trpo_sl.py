@@ -29,12 +29,11 @@ from torch import Tensor
 from guard_algos import box, shield, trust_region
 from guard_algos.adam import Adam
 from guard_algos.batch import Batch
-from guard_algos.constraints import reduce_costs
 from guard_algos.finite import finite
 from guard_algos.gaussian import GaussianPolicy
 from guard_algos.networks import Mlp
 from guard_algos.on_policy import Method, OnPolicyAlgorithm, Problem
-from guard_algos.rollout import Rollout
+from guard_algos.rollout import Correct, Rollout
 from guard_algos.workers import accumulate, pieces
 from guard_api.errors import RunError
 
@@ -106,11 +105,11 @@ class TrpoSl(Method):
                 f"costs is {costs if costs is None else tuple(costs.shape)}: the safety layer needs those of the step "
                 f"before, ({len(action)}, {self._num_costs}), zeros at an episode's start"
             )
-        if not self._warmup.over:
-            return action
-        slope, inside = self._slopes(observation), shield.clipped(action)
-        excess = self._excess(slope, inside, self._reduced(costs))
-        return torch.where((excess > 0).any(-1, keepdim=True), safest(inside, slope, excess), action)
+        return self._corrected(observation, costs, action) if self._warmup.over else action
+
+    def traceable(self) -> Correct | None:
+        """Return the correction as tensor operations alone; None where the layer does not work yet."""
+        return self._corrected if self._warmup.over else None
 
     def tensors(self) -> dict[str, Tensor]:
         """Return the models and the place in the warm-up."""
@@ -140,13 +139,19 @@ class TrpoSl(Method):
         self._warmup.advance(len(executed))
         return row
 
+    def _corrected(self, observation: Tensor, costs: Tensor | None, action: Tensor) -> Tensor:
+        assert costs is not None
+        slope, inside = self._slopes(observation), shield.clipped(action)
+        excess = self._excess(slope, inside, self._reduced(costs))
+        return torch.where((excess > 0).any(-1, keepdim=True), safest(inside, slope, excess), action)
+
     def _slopes(self, observation: Tensor) -> Tensor:
         """Return g (M, K, A)."""
         return torch.stack([model.slope(observation) for model in self._models], dim=1)
 
     def _reduced(self, costs: Tensor) -> Tensor:
         """Return the watched sums (..., K) of the environment's costs (..., C)."""
-        return torch.from_numpy(reduce_costs(costs.numpy(), self._signals)).float()
+        return torch.stack([costs[..., list(s.columns)].sum(-1) for s in self._signals], dim=-1).float()
 
     def _excess(self, slope: Tensor, action: Tensor, costs: Tensor) -> Tensor:
         """Return by how much the predicted next costs (M, K) exceed their thresholds."""

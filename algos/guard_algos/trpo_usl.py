@@ -33,6 +33,7 @@ from guard_algos.critics import Critic
 from guard_algos.gaussian import GaussianPolicy
 from guard_algos.networks import Mlp
 from guard_algos.on_policy import Method, OnPolicyAlgorithm, Problem
+from guard_algos.rollout import Correct
 from guard_api.errors import SpecError
 
 
@@ -66,17 +67,13 @@ class TrpoUsl(Method):
 
     def correct(self, observation: Tensor, costs: Tensor | None, action: Tensor) -> Tensor:
         """Return `action` (N, A), moved down where a critic is above its threshold; `costs` do not matter."""
+        return self._corrected(observation, action, stop_early=True) if self._warmup.over else action
+
+    def traceable(self) -> Correct | None:
+        """Return the correction as tensor operations alone; None where the layer does not work yet."""
         if not self._warmup.over:
-            return action
-        parameters = [critic.tensors()["parameters"] for critic in self._critics]
-        inside, moved = shield.clipped(action), torch.zeros(len(action), 1, dtype=torch.bool)
-        for _ in range(self._config.correction_iterations):
-            above, gradient = hinge_gradient(self._network, parameters, self._limits, observation, inside)
-            if not bool(above.any()):
-                break
-            moved |= above
-            inside = descend(inside, gradient, self._config.correction_rate)
-        return torch.where(moved, inside, action)
+            return None
+        return lambda observation, costs, action: self._corrected(observation, action, stop_early=False)
 
     def tensors(self) -> dict[str, Tensor]:
         """Return the critics and the place in the warm-up."""
@@ -97,6 +94,18 @@ class TrpoUsl(Method):
             row |= {f"shield_{signal.name}_loss_before": before, f"shield_{signal.name}_loss_after": after}
         self._warmup.advance(len(pairs))
         return row
+
+    def _corrected(self, observation: Tensor, action: Tensor, stop_early: bool) -> Tensor:
+        """Return the corrected actions; an action within the thresholds stays, whether the loop stops early or not."""
+        parameters = [critic.tensors()["parameters"] for critic in self._critics]
+        inside, moved = shield.clipped(action), torch.zeros_like(action[:, :1], dtype=torch.bool)
+        for _ in range(self._config.correction_iterations):
+            above, gradient = hinge_gradient(self._network, parameters, self._limits, observation, inside)
+            if stop_early and not bool(above.any()):
+                break
+            moved = moved | above
+            inside = descend(inside, gradient, self._config.correction_rate)
+        return torch.where(moved, inside, action)
 
     def _predict(self, pairs: Tensor, pool: Executor) -> Tensor:
         """Return Q (M, K) of observations and actions (M, O + A)."""
@@ -125,13 +134,13 @@ def hinge_gradient(
 ) -> tuple[Tensor, Tensor]:
     """Return whether a critic is above its limit (N, 1), and d/da sum_j [Q_j(s, a) - d_j]^+ (N, A)."""
     pairs = torch.cat([observation, action], dim=-1)
-    above, gradient = torch.zeros(len(action), 1, dtype=torch.bool), torch.zeros_like(action)
+    above, gradient = torch.zeros_like(action[:, :1], dtype=torch.bool), torch.zeros_like(action)
     for theta, limit in zip(parameters, limits, strict=True):
         activations = network.activations(theta, pairs)
         exceeded = activations[-1] > limit
-        above |= exceeded
+        above = above | exceeded
         slope = network.input_gradient(theta, activations, exceeded.to(action.dtype))
-        gradient += slope[:, observation.shape[-1] :]
+        gradient = gradient + slope[:, observation.shape[-1] :]
     return above, gradient
 
 

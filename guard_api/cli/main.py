@@ -15,6 +15,7 @@ COMMANDS: Final[dict[str, str]] = {
     "list": "show environments, robots, tasks, constraints, algorithms or backends",
     "train": "train a policy on one backend",
     "eval": "evaluate a trained policy on any backend",
+    "export": "write a trained policy as an ONNX file",
     "transfer": "train on some backends, evaluate on all: the transfer matrix",
     "robot": "show a robot as tables and a picture, or check its files and what the simulators make of them",
     "conform": "check a backend against the contract, clause by clause",
