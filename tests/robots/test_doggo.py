@@ -36,7 +36,7 @@ def test_masses_are_guards(doggo):
 
 def test_joints_are_guards(doggo):
     """Limits [deg], axis and rest position [deg]; all are springs of 0.01 N m/rad without damping."""
-    expected = {"waist_x": ([-30, 30], (1, 0, 0), 0)}
+    expected: dict[str, tuple[list[int], tuple[float, float, float], int]] = {"waist_x": ([-30, 30], (1, 0, 0), 0)}
     for i, mirror in ((1, 1), (2, 1), (3, -1), (4, -1)):
         expected[f"hip_{i}_z"] = ([-10, 30], (0, 0, mirror), 0)
         expected[f"hip_{i}_y"] = ([-75, 15], (0, 1, 0), -10) if i in {1, 4} else ([0, 135], (0, 1, 0), 0)
