@@ -42,6 +42,14 @@ def snapshot(xy: np.ndarray, yaw: np.ndarray, **bodies: np.ndarray) -> Snapshot:
     )
 
 
+def touching(now: Snapshot, group: str, contact: list[list[bool]], velocity: np.ndarray | None = None) -> Snapshot:
+    """The same instant with a physical `group`, whose bodies the robot touches or not; at rest unless `velocity`."""
+    touched = np.array(contact)
+    still = np.zeros((*touched.shape, 3))
+    state = replace(now.state, body_contact=touched, body_linear_velocity=still if velocity is None else velocity)
+    return replace(now, state=state, slices={group: slice(0, touched.shape[1])})
+
+
 def at_rest(now: Snapshot) -> Transition:
     return Transition(previous=now, now=now, action=np.zeros((len(now.position), 2)), duration=0.02)
 
