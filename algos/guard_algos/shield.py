@@ -35,7 +35,8 @@ class ShieldConfig(OnPolicyConfig):
 
     threshold: float = 0.0
     """What the layer keeps the sum of all costs at or below, where `thresholds` is empty: the cost of the next step
-    (TRPO-SL), or the discounted costs to come (TRPO-USL). It is no limit of an episode's cost."""
+    (TRPO-SL), or the discounted costs to come (TRPO-USL). It is no limit of an episode's cost. At 0, as in GUARD, a
+    layer acts wherever its model's error is positive, however small: a little more keeps more of the return."""
     thresholds: dict[str, float] = field(default_factory=dict)
     """The same for named costs, each with its own network; the other costs are only logged."""
     warmup_ratio: float = 1 / 3
