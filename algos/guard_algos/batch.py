@@ -29,6 +29,7 @@ class Batch:
     observation: (M, O). action: (M, A). mean, log_prob: (M, A), (M,) of the policy that acted.
     reward_advantage: (M,), zero mean and unit variance. cost_advantages: (M, K), zero mean, in the unit of the cost.
     targets: (M, 1 + K), discounted reward and costs to go. reward_advantage_std: before it was scaled away.
+    margins: (K,), how far each constraint is exceeded (`margins`).
     """
 
     rollout: Rollout
@@ -41,6 +42,7 @@ class Batch:
     cost_advantages: Tensor
     targets: Tensor
     reward_advantage_std: float
+    margins: Array
 
 
 def make_batch(
@@ -62,9 +64,10 @@ def make_batch(
     flat -= flat.mean(axis=0)
     std = float(flat[:, 0].std())
     mean = policy.means(theta, observation, pool)
+    episodes = finished(rollout, constraints)
     return Batch(
         rollout=rollout,
-        episodes=finished(rollout, constraints),
+        episodes=episodes,
         observation=observation,
         action=action,
         mean=mean,
@@ -73,7 +76,18 @@ def make_batch(
         cost_advantages=torch.from_numpy(flat[:, 1:]).float(),
         targets=torch.from_numpy(targets.reshape(flat.shape)).float(),
         reward_advantage_std=std,
+        margins=margins(episodes, constraints),
     )
+
+
+def margins(episodes: Episodes, constraints: Sequence[Constraint]) -> Array:
+    """Return c (K,): the excess of the mean episode cost over its limit, per step, as the surrogate costs are.
+
+    An episode's cost is undiscounted, the surrogate's advantage is discounted: the line search checks what that omits.
+    Source: Achiam et al. 2017, section 6.1, with GUARD's division by the episode's length.
+    """
+    limits = np.array([constraint.limit for constraint in constraints])
+    return (episodes.constrained_costs.mean(axis=0) - limits) / episodes.length.mean()
 
 
 def _values(rollout: Rollout, critics: Sequence[Critic], pool: Executor) -> tuple[Array, Array]:

@@ -21,7 +21,6 @@ from guard_algos import trust_region
 from guard_algos.batch import Batch
 from guard_algos.config import CostLimits, OnPolicyConfig
 from guard_algos.gaussian import GaussianPolicy
-from guard_algos.margins import margins
 from guard_algos.on_policy import Method, OnPolicyAlgorithm, Problem
 from guard_algos.trust_region import LocalModel, Step, Trial
 
@@ -37,7 +36,7 @@ class Cpo(Method):
     """One constrained natural-gradient step with a line search per batch."""
 
     def __init__(self, config: CpoConfig, problem: Problem) -> None:
-        self._config, self._constraints = config, problem.constraints
+        self._config = config
 
     def improve(self, policy: GaussianPolicy, theta: Tensor, batch: Batch, pool: Executor) -> dict[str, float]:
         """Raise the surrogate return while the surrogate costs hold, or lower the costs where they cannot."""
@@ -49,7 +48,7 @@ class Cpo(Method):
             pool,
             objective=trust_region.surrogate(batch.reward_advantage, batch.log_prob),
             costs=[trust_region.surrogate(advantage, batch.log_prob) for advantage in batch.cost_advantages.T],
-            margins=list(margins(batch, self._constraints)),
+            margins=batch.margins,
             direction=direction,
             accept=accept,
         )

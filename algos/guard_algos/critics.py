@@ -9,8 +9,7 @@ from torch import Tensor
 
 from guard_algos.adam import Adam
 from guard_algos.finite import finite
-from guard_algos.networks import Mlp
-from guard_algos.workers import accumulate, pieces
+from guard_algos.networks import Mlp, accumulate, pieces
 
 
 class Critic:

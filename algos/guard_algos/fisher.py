@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from guard_algos.gaussian import GaussianPolicy
-from guard_algos.workers import accumulate, pieces
+from guard_algos.networks import accumulate, pieces
 
 
 class LocalPolicy:

@@ -8,14 +8,17 @@ automatic differentiation.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import torch
 from torch import Tensor
 
-from guard_algos.workers import pieces
+ROWS = 3000
+"""Rows of one piece of a batch: a layer's activations stay in a processor's cache."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,3 +99,16 @@ class Mlp:
 def _through_tanh(slope: Tensor, output: Tensor) -> Tensor:
     """Return slope * tanh' where `output` is the tanh layer's value: the same factor in both directions."""
     return torch.ops.aten.tanh_backward(slope, output)
+
+
+def pieces(batch: Tensor) -> tuple[Tensor, ...]:
+    """Return views of the rows of `batch` (M, ...): what one thread takes at a time."""
+    return batch.split(ROWS)
+
+
+def accumulate(pool: Executor, like: Tensor, add: Callable[..., None], *columns: Sequence[Any]) -> Tensor:
+    """Return the sum (P,) of what `add(*items, out)` adds to `out` (P,), `like` (P,), for the items of each piece."""
+    parts = like.new_zeros(len(columns[0]), len(like))
+    for _ in pool.map(add, *columns, parts):
+        pass
+    return parts.sum(0)

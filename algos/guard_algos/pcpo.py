@@ -28,7 +28,6 @@ from guard_algos.batch import Batch
 from guard_algos.config import CostLimits, OnPolicyConfig
 from guard_algos.cpo import accept, recovery
 from guard_algos.gaussian import GaussianPolicy
-from guard_algos.margins import margins
 from guard_algos.on_policy import Method, OnPolicyAlgorithm, Problem
 from guard_algos.trust_region import LocalModel, Step
 
@@ -48,7 +47,7 @@ class Pcpo(Method):
     """One natural-gradient step, its projection, and a line search per batch."""
 
     def __init__(self, config: PcpoConfig, problem: Problem) -> None:
-        self._config, self._constraints = config, problem.constraints
+        self._config = config
 
     def improve(self, policy: GaussianPolicy, theta: Tensor, batch: Batch, pool: Executor) -> dict[str, float]:
         """Raise the surrogate return, projected onto where the surrogate costs hold.
@@ -63,7 +62,7 @@ class Pcpo(Method):
             pool,
             objective=trust_region.surrogate(batch.reward_advantage, batch.log_prob),
             costs=[trust_region.surrogate(advantage, batch.log_prob) for advantage in batch.cost_advantages.T],
-            margins=list(margins(batch, self._constraints)),
+            margins=batch.margins,
             direction=lambda model: direction(model, self._config.projection),
             accept=accept,
         )

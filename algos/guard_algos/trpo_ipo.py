@@ -29,7 +29,6 @@ from guard_algos import trust_region
 from guard_algos.batch import Batch
 from guard_algos.config import CostLimits, OnPolicyConfig
 from guard_algos.gaussian import GaussianPolicy
-from guard_algos.margins import margins
 from guard_algos.on_policy import Method, OnPolicyAlgorithm, Problem
 from guard_algos.trust_region import Objective
 from guard_api.errors import SpecError
@@ -63,7 +62,7 @@ class TrpoIpo(Method):
 
     def improve(self, policy: GaussianPolicy, theta: Tensor, batch: Batch, pool: Executor) -> dict[str, float]:
         """Raise the surrogate return inside the barriers; outside, lower the surrogate costs that are exceeded."""
-        slack = -margins(batch, self._constraints)
+        slack = -batch.margins
         objective = barred(batch, slack, self._config.barrier_t)
         report = trust_region.update(policy, theta, batch, self._config, pool, objective=objective)
         return report.row() | {"feasible": float((slack > 0).all())}

@@ -31,10 +31,9 @@ from guard_algos.adam import Adam
 from guard_algos.batch import Batch
 from guard_algos.finite import finite
 from guard_algos.gaussian import GaussianPolicy
-from guard_algos.networks import Mlp
+from guard_algos.networks import Mlp, accumulate, pieces
 from guard_algos.on_policy import Method, OnPolicyAlgorithm, Problem
 from guard_algos.rollout import Correct, Rollout
-from guard_algos.workers import accumulate, pieces
 from guard_api.errors import RunError
 
 

@@ -12,10 +12,9 @@ from typing import TypeAlias
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
-from guard_algos import conjugate_gradient
 from guard_algos.batch import Batch
 from guard_algos.config import OnPolicyConfig
 from guard_algos.finite import finite
@@ -114,7 +113,7 @@ def update(
     *,
     objective: Objective,
     costs: Sequence[Objective] = (),
-    margins: Sequence[float] = (),
+    margins: ArrayLike = (),
     direction: Direction = natural,
     accept: Accept = improves,
 ) -> Report:
@@ -156,7 +155,7 @@ class _Solver:
 
     def __call__(self, b: Tensor) -> Tensor:
         config = self._config
-        solution = conjugate_gradient.solve(
+        solution = conjugate_gradient(
             lambda x: self._local.fisher(x).add_(x, alpha=config.cg_damping),
             b,
             iterations=config.cg_iterations,
@@ -164,6 +163,36 @@ class _Solver:
         )
         self.residual = max(self.residual, solution.residual)
         return solution.x
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """`x` (P,), the relative `residual` |A x - b| / |b| that the recursion reports, and the `iterations` taken."""
+
+    x: Tensor
+    residual: float
+    iterations: int
+
+
+def conjugate_gradient(
+    product: Callable[[Tensor], Tensor], b: Tensor, *, iterations: int, tolerance: float
+) -> Solution:
+    """Return an approximate solution of A x = b (P,) by at most `iterations` products x -> A x.
+
+    Stops at a relative residual of `tolerance`. b = 0 gives x = 0. Source: Nocedal and Wright 2006, algorithm 5.2.
+    """
+    x, r, p = torch.zeros_like(b), b.clone(), b.clone()
+    rr = start = float(r.dot(r))
+    count = 0
+    while count < iterations and rr > tolerance**2 * start:
+        product_p = product(p)
+        alpha = rr / float(p.dot(product_p))
+        x.add_(p, alpha=alpha)
+        r.sub_(product_p, alpha=alpha)
+        rr, previous = float(r.dot(r)), rr
+        p.mul_(rr / previous).add_(r)
+        count += 1
+    return Solution(x, (rr / start) ** 0.5 if start > 0 else 0.0, count)
 
 
 def _line_search(

@@ -12,11 +12,11 @@ import torch
 from torch.nn.functional import softplus
 
 from guard_algos import trpo
-from guard_algos.networks import Mlp
+from guard_algos.networks import ROWS, Mlp
 from guard_algos.on_policy import OnPolicyAlgorithm, Problem
 from guard_algos.statewise_multiplier import StatewiseMultipliers
 from guard_algos.trpo_fac import TrpoFac, TrpoFacConfig, excess
-from guard_algos.workers import ROWS, workers
+from guard_algos.workers import workers
 from guard_api.errors import SpecError
 from tests.algos.bandit import Bandit, final_policy, train
 from tests.algos.batches import constraints, permuted, sample

@@ -11,8 +11,7 @@ import torch
 from scipy.optimize import brentq
 
 from guard_algos import trpo, trpo_ipo
-from guard_algos.batch import Batch
-from guard_algos.margins import margins
+from guard_algos.batch import Batch, margins
 from guard_algos.trpo_ipo import TrpoIpoConfig, barred
 from guard_algos.workers import workers
 from guard_api.errors import SpecError
@@ -33,7 +32,7 @@ def moved(batch: Batch, size: float = 0.1) -> torch.Tensor:
 
 
 def slack_of(batch: Batch, limits: tuple[float, ...]) -> np.ndarray:
-    return -margins(batch, constraints(limits))
+    return -margins(batch.episodes, constraints(limits))
 
 
 def test_slack_is_limit_minus_episode_cost_per_step() -> None:

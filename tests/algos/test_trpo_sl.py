@@ -11,9 +11,9 @@ from scipy.optimize import linprog, minimize
 
 from guard_algos import trpo_sl
 from guard_algos.box import project
-from guard_algos.networks import Mlp
+from guard_algos.networks import ROWS, Mlp
 from guard_algos.trpo_sl import CostModel, TrpoSlConfig, balanced, costs_before, safest
-from guard_algos.workers import ROWS, workers
+from guard_algos.workers import workers
 from guard_api.errors import RunError
 from guard_api.runs.directory import RunDirectory
 from tests.algos.bandit import Script, final_policy, train

@@ -8,14 +8,14 @@ import torch
 from torch import Tensor
 from torch.distributions import Independent, Normal, kl_divergence
 
-from guard_algos import conjugate_gradient, gae
+from guard_algos import gae
 from guard_algos.adam import Adam
 from guard_algos.critics import Critic
 from guard_algos.fisher import LocalPolicy
 from guard_algos.gaussian import GaussianPolicy
-from guard_algos.networks import Mlp
-from guard_algos.trust_region import LocalModel, Step, Trial, improves, natural, surrogate
-from guard_algos.workers import ROWS, workers
+from guard_algos.networks import ROWS, Mlp
+from guard_algos.trust_region import LocalModel, Step, Trial, conjugate_gradient, improves, natural, surrogate
+from guard_algos.workers import workers
 
 
 def generator() -> torch.Generator:
@@ -99,12 +99,12 @@ def test_policy_gradient_equals_automatic_differentiation() -> None:
 def test_conjugate_gradient_solves_and_reports_the_true_residual() -> None:
     root = torch.randn(12, 12, generator=generator(), dtype=torch.float64)
     A, b = root @ root.T + torch.eye(12), torch.randn(12, generator=generator(), dtype=torch.float64)
-    exact = conjugate_gradient.solve(lambda x: A @ x, b, iterations=50, tolerance=1e-12)
+    exact = conjugate_gradient(lambda x: A @ x, b, iterations=50, tolerance=1e-12)
     torch.testing.assert_close(exact.x, torch.linalg.solve(A, b))
-    early = conjugate_gradient.solve(lambda x: A @ x, b, iterations=4, tolerance=0.0)
+    early = conjugate_gradient(lambda x: A @ x, b, iterations=4, tolerance=0.0)
     assert early.iterations == 4
     assert early.residual == pytest.approx(float((A @ early.x - b).norm() / b.norm()), rel=1e-6)
-    zero = conjugate_gradient.solve(lambda x: A @ x, torch.zeros(12), iterations=4, tolerance=0.0)
+    zero = conjugate_gradient(lambda x: A @ x, torch.zeros(12), iterations=4, tolerance=0.0)
     assert not zero.x.any() and zero.iterations == 0
 
 
