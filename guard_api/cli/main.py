@@ -19,6 +19,7 @@ COMMANDS: Final[dict[str, str]] = {
     "transfer": "train on some backends, evaluate on all: the transfer matrix",
     "robot": "show a robot as tables and a picture, or check its files and what the simulators make of them",
     "conform": "check a backend against the contract, clause by clause",
+    "compare": "measure whether each robot is the same in every simulator: motion, gait, endurance, speed",
     "bench": "measure steps per second and the overhead over raw physics",
     "report": "write the report of a transfer directory again",
     "doctor": "say what works on this machine, and what to install where it does not",

@@ -1,0 +1,196 @@
+"""The tables of the page on robots: from the records of `guard_api.measure.cells`, into the marked parts of a text.
+
+A part begins with `<!-- begin NAME -->` and ends with `<!-- end NAME -->`; all other text is left as it is.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from guard_api.errors import RunError
+from guard_api.measure.cells import read_records
+from guard_api.measure.divergence import median_time
+from guard_api.measure.locomotion import QUANTITIES, differs, interval
+
+Records = Sequence[Mapping[str, Any]]
+
+MEASURES: Final = ("divergence", "locomotion", "endurance", "bench")
+"""The measurements, each in a file and a part of the page of its name."""
+
+DIVERGED: Final = "the physics diverged"
+"""How the reason of a lost world begins. Source: `guard_api.env.Environment`."""
+
+_CHANGES: Final = {"start": "start + 1e-6", "timestep": "half timestep"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Table:
+    """A table: `rows` of one text per column."""
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+    def markdown(self) -> str:
+        """Return the table in Markdown."""
+        lines = ["| " + " | ".join(row) + " |" for row in (self.columns, ("---",) * len(self.columns), *self.rows)]
+        return "\n".join([f"**{self.title}**", "", *lines]).replace(" *", " \\*")
+
+
+def tables(measure: str, records: Records) -> list[Table]:
+    """Return the tables of one of `MEASURES`; none of no records."""
+    make = {"divergence": _divergence, "locomotion": _locomotion, "endurance": _endurance, "bench": _bench}[measure]
+    return make(records) if records else []
+
+
+def refresh(page: Path, folder: Path) -> str:
+    """Return the text of `page` with its parts made anew from the files in `folder`.
+
+    Raises RunError for a page that is missing or lacks the part of a measurement that the folder has.
+    """
+    if not page.is_file():
+        raise RunError(f"{page}: no such page: write one with a part for every measurement, or check the path")
+    text = page.read_text(encoding="utf-8")
+    for measure in MEASURES:
+        file = folder / f"{measure}.json"
+        if not file.exists():
+            continue
+        begin, end = f"<!-- begin {measure} -->", f"<!-- end {measure} -->"
+        part = re.compile(f"{re.escape(begin)}.*?{re.escape(end)}", re.DOTALL)
+        if not part.search(text):
+            raise RunError(f"{page}: has no part {begin} ... {end}: add the two lines where its tables belong")
+        records = read_records(file)
+        body = "\n\n".join([*(table.markdown() for table in tables(measure, records)), *_foot(records)])
+        text = part.sub(lambda _, new=f"{begin}\n\n{body}\n\n{end}": new, text)
+    return text
+
+
+def _divergence(records: Records) -> list[Table]:
+    done = [record for record in records if "values" in record]
+    if not done:
+        return [_refusals(records)]
+    setting = done[0]["settings"]
+    pairs = [" – ".join(pair["between"]) for pair in done[0]["values"]["pairs"]]
+    own = [f"{item['backend']}, {_CHANGES[item['change']]}" for item in done[0]["values"]["own"]]
+    worlds, seconds, millimetres = setting["worlds"], setting["seconds"], 1000 * setting["distance"]
+    when = f"Seconds until a link is {millimetres:g} mm away, median of {worlds} worlds over {seconds:g} s"
+    how_far = f"Millimetres of the farthest link, median of {worlds} worlds"
+    times, gaps = [], []
+    for record in done:
+        compared = [*record["values"]["pairs"], *record["values"]["own"]]
+        times.append((record["robot"], *(_time(item, seconds) for item in compared)))
+        of_pairs = compared[: len(pairs)]
+        gaps.append((record["robot"], *(_gap(item, t) for item in of_pairs for t in ("0.1", "0.5", "10.0"))))
+    at = [f"{pair}, {t} s" for pair in pairs for t in ("0.1", "0.5", "10")]
+    made = [
+        Table(title=when, columns=("robot", *pairs, *own), rows=tuple(times)),
+        Table(title=how_far, columns=("robot", *at), rows=tuple(gaps)),
+    ]
+    return made + ([_refusals(records)] if len(done) < len(records) else [])
+
+
+def _locomotion(records: Records) -> list[Table]:
+    made = []
+    for drive in dict.fromkeys(record["drive"] for record in records):
+        for quantity, name in QUANTITIES.items():
+            of = {
+                (r["robot"], r["preset"], r["backend"]): r["values"].get(quantity)
+                for r in records
+                if r["drive"] == drive and "values" in r
+            }
+            columns = sorted({key[1:] for key in of}, key=lambda c: (c[0] != "rigid", _order(c[1])))
+            rows = [
+                (robot, *(_mean(of, robot, *column) for column in columns))
+                for robot in dict.fromkeys(key[0] for key in of)
+                if any(value for key, value in of.items() if key[0] == robot)
+            ]
+            heads = tuple(f"{preset}, {backend}" for preset, backend in columns)
+            made.append(Table(title=f"{drive}: {name}", columns=("robot", *heads), rows=tuple(rows)))
+    return made + ([_refusals(records)] if any("error" in record for record in records) else [])
+
+
+def _endurance(records: Records) -> list[Table]:
+    def cell(record: Mapping[str, Any]) -> tuple[str, str]:
+        if "error" in record:
+            return "refused", record["error"]
+        values = record["values"]
+        lost = sum(count for reason, count in values["failures"].items() if reason.startswith(DIVERGED))
+        other = sum(values["failures"].values()) - lost
+        text = f"{lost} of {values['steps']:,} steps" + (f", {other} ended otherwise" if other else "")
+        return text, f"{values['fastest']:.3g}"
+
+    return [
+        _by_backend("Worlds lost to divergence of the physics", records, lambda record: cell(record)[0]),
+        _by_backend("Fastest link after any step [m/s]", records, lambda record: cell(record)[1]),
+    ]
+
+
+def _bench(records: Records) -> list[Table]:
+    def rate(record: Mapping[str, Any]) -> str:
+        return record.get("error") or f"{record['values']['env_steps_per_second']:,.0f}"
+
+    def efficiency(record: Mapping[str, Any]) -> str:
+        return record.get("error") or f"{record['values']['efficiency']:.2f}"
+
+    return [
+        _by_backend("Environment steps per second", records, rate),
+        _by_backend("Efficiency", records, efficiency),
+    ]
+
+
+def _by_backend(title: str, records: Records, text: Any) -> Table:
+    """Return a table of robots by backends with the `text` of each record."""
+    found = {(record["robot"], record["backend"]): text(record) for record in records}
+    backends = sorted({backend for _, backend in found}, key=_order)
+    rows = tuple(
+        (robot, *(found.get((robot, backend), "not yet") for backend in backends))
+        for robot in dict.fromkeys(robot for robot, _ in found)
+    )
+    return Table(title=title, columns=("robot", *backends), rows=rows)
+
+
+def _refusals(records: Records) -> Table:
+    rows = tuple((r["robot"], r.get("backend", "all"), r["error"]) for r in records if "error" in r)
+    return Table(title="Refused", columns=("robot", "backend", "reason"), rows=rows)
+
+
+def _time(item: Mapping[str, Any], seconds: float) -> str:
+    median = median_time(item["parted_after"])
+    return f"> {seconds:g}" if median is None else f"{median:.2g}"
+
+
+def _gap(item: Mapping[str, Any], time: str) -> str:
+    gap = item["gap"].get(time, "")
+    return "lost" if gap is None else "" if gap == "" else f"{1000 * gap:.1g}" if gap < 0.001 else f"{1000 * gap:,.3g}"
+
+
+def _mean(of: Mapping[tuple[str, str, str], Any], robot: str, preset: str, backend: str) -> str:
+    """Return mean and interval of a cell; a star where it differs from the first backend's in the same preset."""
+    values = of.get((robot, preset, backend))
+    if not values:
+        return "" if (robot, preset, backend) in of else "not yet"
+    estimate = interval(values)
+    first = min((key[2] for key in of if key[:2] == (robot, preset)), key=_order)
+    star = "*" if backend != first and differs(values, of[robot, preset, first]) else ""
+    digits = 3 if estimate.mean < 1 else 2
+    return f"{estimate.mean:.{digits}f} ± {estimate.half:.{digits}f}{star}"
+
+
+def _order(backend: str) -> tuple[int, str]:
+    """Return where a backend stands in a table: the order in which GUARD names them, then others by name."""
+    known = ("mujoco", "bullet", "sapien")
+    return (known.index(backend) if backend in known else len(known), backend)
+
+
+def _foot(records: Records) -> list[str]:
+    """Return a line on where the records come from."""
+    engines: dict[str, str] = {}
+    for record in records:
+        engines |= record["engines"]
+    commits = {str((record["manifest"]["git"] or {}).get("commit", "?"))[:7] for record in records}
+    versions = ", ".join(f"{name} {version}" for name, version in sorted(engines.items()))
+    return [f"Measured with {versions}, at commits {', '.join(sorted(commits))}."] if records else []
