@@ -79,7 +79,7 @@ class Environment:
         self.episode_length = spec.episode_length
         self.cost_names = tuple(constraint.name for constraint in spec.constraints)
         self.action_size = len(self.robot.actuators)
-        self._starter = EpisodeStarter(self.scene, self._groups, spec.extents, num_worlds)
+        self._starter = EpisodeStarter(self.scene, self._groups, spec.extents, num_worlds, spec.robot_placement)
         self._sensors = RobotSensors(self.robot)
         self._reader = SnapshotReader(self.robot)
         self._slices = {group.name: self.scene.body_slice(group.name) for group in self.scene.groups}
@@ -202,7 +202,7 @@ class Environment:
         now = replace(t.now, steps_since_success=self._since_success)
         group = self.spec.task.respawn()
         if group is not None:
-            self._positions[group], stuck = self._starter.respawn(group, reached, now.position, now.bodies)
+            self._positions[group], stuck = self._starter.respawn(group, reached, now)
             self._origins[group] = self._positions[group]
             for world in np.flatnonzero(stuck).tolist():
                 failures[world] = f"no free place was left for a new {group}"

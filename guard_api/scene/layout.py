@@ -1,131 +1,251 @@
-"""Layouts: free places for the robot and the objects of N worlds, by rejection.
+"""Layouts: places for the robot and the objects of N worlds, none nearer to another than their keepouts.
 
-Every world draws from its own stream, so its layout depends on nothing but its seed. Source: GUARD's engine.
+Things are placed one after the other, each uniformly in what its placement allows and the earlier ones leave free, as
+in GUARD's engine. A world in which one of them finds no place is not thrown away, as it is there: everything but the
+robot is drawn again, each time to where it overlaps least, until nothing overlaps.
+
+Every world draws from its own stream, in blocks whose number depends on that world alone.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Final
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from guard_api.errors import SpecError
+from guard_api.physics.transition import Snapshot
+from guard_api.scene.area import COORDINATES, Area, Array, Item, Mask, Rectangle, heights
 
-Array = NDArray[np.float64]
+Rows: TypeAlias = NDArray[np.intp]
+Streams: TypeAlias = Sequence[np.random.Generator]
+Stand: TypeAlias = Callable[[Array, Array], Snapshot]
+"""Returns the robots as they stand at home, at places (n, 2) [m] and headings (n,) [rad]."""
 
 _TRIES: Final = 100
-"""Candidates per item before the whole layout is thrown away."""
+"""Candidates of each item in turn, as in GUARD."""
 
-_LAYOUTS: Final = 1000
-"""Layouts thrown away before the request counts as impossible."""
+_FIRST: Final = 12
+"""How many of them are looked at before the others are, in worlds where none of these is free."""
+
+_MOVES: Final = 16
+"""Candidates anywhere for an item that is drawn again, and as many around it."""
+
+_NEAREST, _FURTHEST = 0.02, 1.0
+"""[m] How far those around it may be: the bound itself is drawn, uniform in its logarithm."""
+
+_SWEEPS: Final = 12
+"""Times that all items are drawn again before a layout is given up."""
+
+_LAYOUTS: Final = 400
+"""Layouts given up before a world counts as impossible."""
+
+_PROBES, _PROBE_LAYOUTS = 8, 40
+"""Worlds tried when a sampler is built, and layouts given up in them: stricter, so that no episode fails later."""
+
+_TOGETHER: Final = 256
+"""Worlds that are placed at once, which bounds the memory."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Item:
-    """Something to place: `keepout` is the radius kept free around it [m]."""
-
-    name: str
-    keepout: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class LayoutSampler:
-    """Places `items` in order, uniformly in `extents` (xmin, ymin, xmax, ymax) [m] shrunk by each item's keepout.
+    """Places `items`, of which the first is the robot, within `extents` or their own rectangles.
 
-    Two items are never nearer than the sum of their keepouts.
+    Items with a location are there before all others. stand: how the robot stands, for items that depend on it.
+    Raises SpecError when there is no room for them, with the numbers.
     """
 
-    items: tuple[Item, ...]
-    extents: tuple[float, float, float, float]
+    def __init__(self, items: Sequence[Item], extents: Rectangle, stand: Stand | None = None) -> None:
+        self.items, self._extents = tuple(items), extents
+        keepout = np.array([item.keepout for item in items])
+        keeps = keepout > 0.0
+        self._reach = np.where(keeps[:, None] & keeps, keepout[:, None] + keepout, 0.0)
+        self._located = [i for i, item in enumerate(items) if item.location is not None]
+        self._areas = {i: Area(item, extents) for i, item in enumerate(items) if item.location is None}
+        self._stand = stand if any(area.sees_robot for area in self._areas.values()) else None
+        self._check_room()
+        probes = [np.random.default_rng(probe) for probe in range(_PROBES)]
+        self._sample(probes, np.zeros(_PROBES), _PROBE_LAYOUTS)
 
-    def __post_init__(self) -> None:
-        width = min(self.extents[2] - self.extents[0], self.extents[3] - self.extents[1])
-        for item in self.items:
-            if 2 * item.keepout > width:
-                raise SpecError(
-                    f"layout: {item.name} keeps {item.keepout} m free on every side, but the placement area "
-                    f"{self.extents} is only {width} m wide: enlarge extents or lower keepout"
-                )
+    def sample(self, streams: Streams, yaw: Array) -> Array:
+        """Return the places of all items in one world per stream: (n, items, 3) [m].
 
-    def sample(self, streams: Sequence[np.random.Generator]) -> Array:
-        """Return the places of all items in one world per stream: (len(streams), items, 2) [m].
-
-        Raises SpecError when a world finds no layout, with the numbers that make it impossible.
+        yaw: (n,) headings of the robots [rad]. Raises SpecError when a world finds no layout.
         """
-        places = np.empty((len(streams), len(self.items), 2))
-        pending = np.arange(len(streams))
-        for _ in range(_LAYOUTS):
-            drawn = np.stack([streams[i].random((len(self.items), _TRIES, 2)) for i in pending.tolist()])
-            found, done = self._place(drawn)
-            places[pending[done]] = found[done]
-            pending = pending[~done]
-            if len(pending) == 0:
-                return places
-        crowd = ", ".join(f"{item.name} {item.keepout}" for item in self.items)
-        raise SpecError(
-            f"layout: no free places found in {_LAYOUTS} layouts for {len(self.items)} items in {self.extents} with "
-            f"keepouts [m] {crowd}: use fewer objects, smaller keepouts or larger extents"
-        )
+        places = np.empty((len(streams), len(self.items), 3))
+        for first in range(0, len(streams), _TOGETHER):
+            rows = slice(first, first + _TOGETHER)
+            places[rows] = self._sample(streams[rows], yaw[rows], _LAYOUTS)
+        return places
 
-    def replace(
-        self, index: int, places: Array, streams: Sequence[np.random.Generator]
-    ) -> tuple[Array, NDArray[np.bool_]]:
-        """Draw new places for item `index` among the others' `places` (n, items, 2).
+    def replace(self, index: int, places: Array, streams: Streams, robot: Snapshot) -> tuple[Array, Mask]:
+        """Draw new places for item `index`, whatever its location, among the others' `places` (n, items, 3).
 
-        Returns the places (n, 2) and which worlds found one (n,); a world without one keeps its old place there.
+        robot: how it stands now in the n worlds.
+        Returns the places (n, 3) and which worlds found one (n,); a world without one keeps its old place there.
         """
-        others = np.delete(places, index, axis=1)
-        reach = self._keepouts[index] + np.delete(self._keepouts, index)
-        result = places[:, index].copy()
-        pending = np.arange(len(places))
+        area = self._areas.get(index) or Area(self.items[index], self._extents)
+        others = [i for i in range(len(self.items)) if i != index]
+        result, pending = places[:, index].copy(), np.arange(len(places))
         for _ in range(_TRIES):
-            drawn = np.stack([streams[i].random((_TRIES, 2)) for i in pending.tolist()])
-            candidates = self._scale(drawn, self._keepouts[index])
-            choice, done = _first_free(candidates, others[pending], reach)
-            result[pending[done]] = choice[done]
-            pending = pending[~done]
+            points = area.candidates(_drawn(streams, pending, (_TRIES, COORDINATES)))
+            cost = self._overlap(index, points, places[pending], others)
+            best, least = _least(points, cost, area.allows(points, rows_of(robot, pending)))
+            result[pending[least == 0.0]] = best[least == 0.0]
+            pending = pending[least > 0.0]
             if len(pending) == 0:
                 break
         found = np.ones(len(places), dtype=bool)
         found[pending] = False
         return result, found
 
-    @property
-    def _keepouts(self) -> Array:
-        return np.array([item.keepout for item in self.items])
+    def _sample(self, streams: Streams, yaw: Array, layouts: int) -> Array:
+        """Return the places of all items (n, items, 3). Raises SpecError when a world gives up `layouts` of them."""
+        places, pending = np.empty((len(streams), len(self.items), 3)), np.arange(len(streams))
+        for _ in range(layouts):
+            found, done = self._attempt([streams[i] for i in pending.tolist()], yaw[pending])
+            places[pending[done]] = found[done]
+            pending = pending[~done]
+            if len(pending) == 0:
+                return places
+        raise SpecError(f"layout: no free places found in {layouts} layouts for {self._demand()}")
 
-    def _scale(self, unit: Array, keepout: float) -> Array:
-        """Map numbers in [0, 1) `(..., 2)` into the extents shrunk by `keepout`."""
-        low = np.array(self.extents[:2]) + keepout
-        high = np.array(self.extents[2:]) - keepout
-        return low + unit * (high - low)
-
-    def _place(self, drawn: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """Place all items from numbers `drawn` (n, items, tries, 2): places (n, items, 2), success (n,)."""
-        keepouts = self._keepouts
-        places = np.empty((len(drawn), len(self.items), 2))
-        done = np.ones(len(drawn), dtype=bool)
-        for i, keepout in enumerate(keepouts):
-            candidates = self._scale(drawn[:, i], keepout)
-            places[:, i], free = _first_free(candidates, places[:, :i], keepout + keepouts[:i])
-            done &= free
-            if not done.any():  # a crowded layout is thrown away as soon as one item finds no place
+    def _attempt(self, streams: Streams, yaw: Array) -> tuple[Array, Mask]:
+        """Return one layout for every stream (n, items, 3), and which of them hold (n,)."""
+        places, robot, done = self._in_turn(streams, yaw)
+        for _ in range(_SWEEPS):
+            rows = np.flatnonzero(~done)
+            if len(rows) == 0:
                 break
+            moving, standing = places[rows], rows_of(robot, rows)
+            self._sweep(moving, _drawn(streams, rows, (len(self.items), 2 * _MOVES, COORDINATES)), standing)
+            places[rows], done[rows] = moving, self._holds(moving, standing)
         return places, done
 
+    def _in_turn(self, streams: Streams, yaw: Array) -> tuple[Array, Snapshot | None, Mask]:
+        """Place all items in order, each at its first free candidate or, without one, where it overlaps least.
 
-def _first_free(candidates: Array, placed: Array, reach: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Return the first of `candidates` (n, tries, 2) that is at least `reach` (j,) away from all `placed` (n, j, 2).
+        Returns the places (n, items, 3), the robot if it matters, and in which worlds nothing overlaps (n,).
+        """
+        n, robot = len(streams), None
+        every = np.arange(n)
+        places, done = np.zeros((n, len(self.items), 3)), np.ones(n, dtype=bool)
+        unit = _drawn(streams, every, (len(self.items), _TRIES, COORDINATES))
+        placed = []
+        for i in self._located:
+            item = self.items[i]
+            places[:, i, :2] = item.location
+            places[:, i, 2] = heights(item.placement, item.height, unit[:, i, 0, 2])
+            placed.append(i)
+        for i, area in self._areas.items():
+            if i > 0 and robot is None and self._stand is not None:
+                robot = self._stand(places[:, 0, :2], yaw)
+            rows = every
+            for tries in (slice(_FIRST), slice(None)):
+                points = area.candidates(unit[rows, i, tries])
+                cost = self._overlap(i, points, places[rows], placed)
+                places[rows, i], least = _least(points, cost, area.allows(points, rows_of(robot, rows)))
+                rows = rows[least > 0.0]
+                if len(rows) == 0:
+                    break
+            done[rows] = False
+            placed.append(i)
+        return places, robot, done
 
-    Returns the choices (n, 2) and whether there was one (n,); where there was none the choice is the first candidate.
+    def _sweep(self, places: Array, unit: Array, robot: Snapshot | None) -> None:
+        """Draw each item but the robot again, from numbers `unit` (n, items, 2 moves, 3); change `places` in place.
+
+        It goes where it overlaps least among candidates anywhere, others around it, and where it is.
+        """
+        for i, area in self._areas.items():
+            if i == 0:
+                continue
+            here = places[:, i, None]
+            wide = area.candidates(unit[:, i, :_MOVES])
+            near = here + _shift(unit[:, i, _MOVES:])
+            points = np.concatenate([wide, near, here], axis=1)
+            cost = self._overlap(i, points, places, [j for j in range(len(self.items)) if j != i])
+            allowed = np.ones(cost.shape, dtype=bool)
+            allowed[:, _MOVES:-1] = area.contains(near)
+            asked = area.allows(points, robot)
+            places[:, i], _ = _least(points, cost, allowed if asked is None else allowed & asked)
+
+    def _holds(self, places: Array, robot: Snapshot | None) -> Mask:
+        """Return in which worlds all keepouts and placements hold: (n,)."""
+        gap = places[:, :, None, :2] - places[:, None, :, :2]
+        overlap = (gap * gap).sum(axis=-1) < self._reach**2
+        overlap[:, range(len(self.items)), range(len(self.items))] = False
+        overlap[np.ix_(range(len(places)), self._located, self._located)] = False
+        holds = ~overlap.any(axis=(1, 2))
+        for i, area in self._areas.items():
+            asked = area.allows(places[:, i, None], robot)
+            if asked is not None:
+                holds &= asked[:, 0]
+        return holds
+
+    def _overlap(self, index: int, points: Array, places: Array, others: Sequence[int]) -> Array:
+        """Return how much item `index` at `points` (n, k, 3) overlaps `others` at `places` (n, items, 3): (n, k).
+
+        The measure is the sum of reach^2 - distance^2 over those nearer than the reach [m^2].
+        """
+        others = [j for j in others if self._reach[index, j] > 0.0]
+        dx = points[:, None, :, 0] - places[:, others, 0, None]
+        dy = points[:, None, :, 1] - places[:, others, 1, None]
+        reach = self._reach[index, others][:, None]
+        return np.maximum(reach**2 - (dx * dx + dy * dy), 0.0).sum(axis=1)
+
+    def _check_room(self) -> None:
+        """Raise SpecError when the discs of the keepouts are larger than all areas together."""
+        discs = sum(np.pi * self.items[i].keepout ** 2 for i in self._areas)
+        room = sum(abs((b - x) * (d - y)) for x, y, b, d in self._rectangles())
+        if discs > room:
+            raise SpecError(f"layout: there is no room for {self._demand()}")
+
+    def _rectangles(self) -> set[Rectangle]:
+        """Return every rectangle that something may be drawn in."""
+        asked = (self.items[i].placement.rectangles or (self._extents,) for i in self._areas)
+        return {rectangle for rectangles in asked for rectangle in rectangles}
+
+    def _demand(self) -> str:
+        """Return what is asked for, in numbers."""
+        crowd = Counter((item.name, item.keepout) for item in self.items)
+        listed = ", ".join(f"{count} {name} {keepout:g}" for (name, keepout), count in crowd.items())
+        discs = sum(np.pi * item.keepout**2 for item in self.items)
+        return (
+            f"{len(self.items)} items in {', '.join(map(str, sorted(self._rectangles())))} with keepouts [m] {listed}, "
+            f"which are discs of {discs:.1f} m^2: use fewer objects, smaller keepouts or larger extents"
+        )
+
+
+def rows_of(robot: Snapshot | None, rows: Rows) -> Snapshot | None:
+    """Return the robots of the worlds `rows` (m,), in the fields that tell how they stand."""
+    if robot is None:
+        return None
+    start, end = robot.segment_start[rows], robot.segment_end[rows]
+    return replace(robot, position=robot.position[rows], segment_start=start, segment_end=end)
+
+
+def _drawn(streams: Streams, rows: Rows, shape: tuple[int, ...]) -> Array:
+    """Return numbers in [0, 1) from the streams of the worlds `rows` (m,): (m, *shape)."""
+    return np.stack([streams[i].random(shape) for i in rows.tolist()])
+
+
+def _shift(unit: Array) -> Array:
+    """Map numbers in [0, 1) `unit` (..., 3) to shifts in the plane (..., 3) [m]."""
+    bound = _NEAREST * (_FURTHEST / _NEAREST) ** unit[..., 2]
+    return np.stack([bound * (2 * unit[..., 0] - 1), bound * (2 * unit[..., 1] - 1), np.zeros_like(bound)], axis=-1)
+
+
+def _least(points: Array, cost: Array, allowed: Mask | None) -> tuple[Array, Array]:
+    """Return the first of the allowed `points` (n, k, 3) of the least `cost` (n, k): (n, 3), and its cost (n,).
+
+    The cost is infinite where nothing is allowed.
     """
-    free = np.ones(candidates.shape[:2], dtype=bool)
-    for j, distance in enumerate(reach):
-        gap = candidates - placed[:, None, j]
-        free &= gap[..., 0] ** 2 + gap[..., 1] ** 2 >= distance**2
-    first = free.argmax(axis=1)
-    rows = np.arange(len(candidates))
-    return candidates[rows, first], free[rows, first]
+    if allowed is not None:
+        cost = np.where(allowed, cost, np.inf)
+    best = cost.argmin(axis=1)
+    rows = np.arange(len(points))
+    return points[rows, best], cost[rows, best]
