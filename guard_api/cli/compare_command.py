@@ -18,7 +18,7 @@ from guard_api.measure.cells import Cell, run_cells
 from guard_api.measure.divergence import measure_divergence
 from guard_api.measure.endurance import measure_endurance
 from guard_api.measure.locomotion import measure_locomotion, moves_by_contact
-from guard_api.measure.robots_page import DIVERGED, refresh, tables
+from guard_api.measure.robots_page import lost_worlds, refresh, tables
 from guard_api.measure.tapes import Drive
 from guard_api.model.library import load_robot, robot_names
 from guard_api.runs.atomic import write_text
@@ -50,7 +50,7 @@ class Divergence(Which):
 
     worlds: int = 8
     """Random tapes of controls."""
-    seconds: float = 10.0
+    seconds: float = 5.0
     """Length of a tape [s]."""
     distance: float = 0.01
     """Distance of some link at which two motions have parted [m]."""
@@ -225,8 +225,8 @@ def _failed(record: dict[str, Any]) -> bool:
     if values is None:
         return True
     lost = values.get("lost", 0)
-    diverged = any(reason.startswith(DIVERGED) for reason in values.get("failures", {}))
-    return diverged or bool(sum(lost.values()) if isinstance(lost, dict) else lost)
+    ended = lost_worlds(values.get("failures", {}))
+    return bool(ended or (sum(lost.values()) if isinstance(lost, dict) else lost))
 
 
 def _env(task: str, robot: str) -> str:

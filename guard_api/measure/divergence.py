@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 PERTURBATION: Final = 1e-6
 """Change of the start [rad, m]."""
 
-GAP_TIMES: Final = (0.1, 0.5, 1.0, 10.0)
+GAP_TIMES: Final = (0.1, 0.5, 1.0, 5.0)
 """When the distance between two motions is reported [s]."""
 
 

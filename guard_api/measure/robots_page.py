@@ -21,8 +21,11 @@ Records = Sequence[Mapping[str, Any]]
 MEASURES: Final = ("divergence", "locomotion", "endurance", "bench")
 """The measurements, each in a file and a part of the page of its name."""
 
-DIVERGED: Final = "the physics diverged"
-"""How the reason of a lost world begins. Source: `guard_api.env.Environment`."""
+CROWDED: Final = "no free place"
+"""How the reason begins that ends an episode without a fault of the physics. Source: `guard_api.env.Environment`."""
+
+SHOWN: Final = (0.1, 0.5, 5.0)
+"""Times of `GAP_TIMES` that the page shows [s]."""
 
 _CHANGES: Final = {"start": "start + 1e-6", "timestep": "half timestep"}
 
@@ -69,6 +72,11 @@ def refresh(page: Path, folder: Path) -> str:
     return text
 
 
+def lost_worlds(failures: Mapping[str, int]) -> int:
+    """Return how many of the episodes in `failures`, reason -> count, the physics ended."""
+    return sum(count for reason, count in failures.items() if not reason.startswith(CROWDED))
+
+
 def _divergence(records: Records) -> list[Table]:
     done = [record for record in records if "values" in record]
     if not done:
@@ -84,8 +92,8 @@ def _divergence(records: Records) -> list[Table]:
         compared = [*record["values"]["pairs"], *record["values"]["own"]]
         times.append((record["robot"], *(_time(item, seconds) for item in compared)))
         of_pairs = compared[: len(pairs)]
-        gaps.append((record["robot"], *(_gap(item, t) for item in of_pairs for t in ("0.1", "0.5", "10.0"))))
-    at = [f"{pair}, {t} s" for pair in pairs for t in ("0.1", "0.5", "10")]
+        gaps.append((record["robot"], *(_gap(item, t) for item in of_pairs for t in SHOWN)))
+    at = [f"{pair}, {t:g} s" for pair in pairs for t in SHOWN]
     made = [
         Table(title=when, columns=("robot", *pairs, *own), rows=tuple(times)),
         Table(title=how_far, columns=("robot", *at), rows=tuple(gaps)),
@@ -118,9 +126,9 @@ def _endurance(records: Records) -> list[Table]:
         if "error" in record:
             return "refused", record["error"]
         values = record["values"]
-        lost = sum(count for reason, count in values["failures"].items() if reason.startswith(DIVERGED))
-        other = sum(values["failures"].values()) - lost
-        text = f"{lost} of {values['steps']:,} steps" + (f", {other} ended otherwise" if other else "")
+        lost = lost_worlds(values["failures"])
+        crowded = sum(values["failures"].values()) - lost
+        text = f"{lost} in {values['steps']:,} steps" + (f", {crowded} without room for a goal" if crowded else "")
         return text, f"{values['fastest']:.3g}"
 
     return [
@@ -163,9 +171,12 @@ def _time(item: Mapping[str, Any], seconds: float) -> str:
     return f"> {seconds:g}" if median is None else f"{median:.2g}"
 
 
-def _gap(item: Mapping[str, Any], time: str) -> str:
-    gap = item["gap"].get(time, "")
-    return "lost" if gap is None else "" if gap == "" else f"{1000 * gap:.1g}" if gap < 0.001 else f"{1000 * gap:,.3g}"
+def _gap(item: Mapping[str, Any], time: float) -> str:
+    """Return a gap in millimetres; nothing where the tape was shorter."""
+    if str(time) not in item["gap"]:
+        return ""
+    gap = item["gap"][str(time)]
+    return "lost" if gap is None else f"{1000 * gap:.1g}" if gap < 0.001 else f"{1000 * gap:,.3g}"
 
 
 def _mean(of: Mapping[tuple[str, str, str], Any], robot: str, preset: str, backend: str) -> str:

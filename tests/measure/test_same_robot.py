@@ -85,7 +85,7 @@ def test_parting_is_the_first_sample_beyond_the_distance():
     assert result["gap"]["0.1"] == pytest.approx((0.004 + 0.0) / 2)
     assert result["gap"]["0.5"] == pytest.approx((0.009 + 0.02) / 2)
     assert result["gap"]["1.0"] is None  # two of four are lost
-    assert "10.0" not in result["gap"]
+    assert "5.0" not in result["gap"]
 
 
 def test_the_median_counts_worlds_that_stay_together():
@@ -231,7 +231,7 @@ def test_the_page_keeps_its_text_and_renews_its_tables(tmp_path: Path):
     assert run(["compare", "page", "--results", str(tmp_path), "--page", str(page)]) == 0
     text = page.read_text()
     assert text.startswith("before\n") and text.endswith("after\n") and "old" not in text
-    assert "| point | 0 of 20 steps |" in text
+    assert "| point | 0 in 20 steps |" in text
     page.write_text("nothing marked")
     with pytest.raises(RunError, match="begin endurance"):
         refresh(page, tmp_path)
@@ -239,11 +239,12 @@ def test_the_page_keeps_its_text_and_renews_its_tables(tmp_path: Path):
         refresh(tmp_path / "other.md", tmp_path)
 
 
-def test_a_lost_world_fails_the_command(tmp_path: Path, monkeypatch, capsys):
-    lost = {"steps": 20, "episodes": 1, "failures": {"the physics diverged (non-finite state)": 1}, "fastest": 1.0}
+@pytest.mark.parametrize(("reason", "expected"), [("the physics diverged", 1), ("no free place was left", 0)])
+def test_a_lost_world_fails_the_command(tmp_path: Path, monkeypatch, capsys, reason, expected):
+    lost = {"steps": 20, "episodes": 1, "failures": {reason: 1}, "fastest": 1.0}
     monkeypatch.setattr("guard_api.cli.compare_command.measure_endurance", lambda *_, **__: lost)
     code = run(["compare", "endurance", "--robots", "point", "--backends", "ideal", "--out", str(tmp_path), "--json"])
-    assert code == 1
+    assert code == expected
     assert json.loads(capsys.readouterr().out)[0]["values"]["failures"]
 
 
