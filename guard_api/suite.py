@@ -15,6 +15,7 @@ from guard_api.constraints import CONSTRAINTS, Constraint
 from guard_api.errors import SpecError, unknown_name
 from guard_api.model.library import load_robot, robot_names
 from guard_api.model.robot import RobotModel
+from guard_api.safety_gym import level_names, make_level
 from guard_api.scene.spec import Placement
 from guard_api.sensors.lidar import Lidar
 from guard_api.spec import EnvSpec
@@ -46,8 +47,11 @@ def suite_names() -> list[str]:
 
 
 def known_names() -> list[str]:
-    """Return a name for every task, robot and constraint, eight objects each; any other number is a name as well."""
-    return _names(tuple(TASKS), robot_names(), tuple(CONSTRAINTS))
+    """Return a name for every task, robot and constraint, eight objects each, and Safety Gym's levels.
+
+    Any other number of objects is a name as well, and so are several constraints.
+    """
+    return _names(tuple(TASKS), robot_names(), tuple(CONSTRAINTS)) + level_names()
 
 
 def make_spec(name: str) -> EnvSpec:
@@ -55,6 +59,9 @@ def make_spec(name: str) -> EnvSpec:
 
     Raises SpecError for a name outside the grammar or with an unknown task, robot or constraint (nearest names given).
     """
+    level = make_level(name)
+    if level is not None:
+        return level
     match = _GRAMMAR.fullmatch(name)
     if match is None:
         raise unknown_name("environment", name, known_names())

@@ -24,7 +24,7 @@ LAYERS = [
     {"cli"},
     {"measure", "gym", "viewer"},
     {"env"},
-    {"suite", "runs", "algorithm", "testing"},
+    {"suite", "safety_gym", "runs", "algorithm", "testing"},
     {"spec"},
     {"tasks", "constraints"},
     {"sensors"},

@@ -1,0 +1,118 @@
+"""Scripted controllers, pure functions of the snapshot, solve the Point's tasks on every backend."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from guard_api import plugins
+from guard_api.env import make_environment
+from guard_api.physics.transition import Snapshot
+
+Controller = Callable[[Snapshot], np.ndarray]
+WORLDS = 2
+
+
+def go_to(now: Snapshot, place: np.ndarray, speed: float | np.ndarray = 1.5) -> np.ndarray:
+    """Actions that turn to `place` (N, 2) and drive there at `speed` [m/s].
+
+    Any forward action above 0.05 is the Point's full force, so the speed is held by switching it.
+    """
+    offset = place - now.position[:, :2]
+    ahead, left = now.rotation[:, :2, 0], now.rotation[:, :2, 1]
+    bearing = np.arctan2((offset * left).sum(axis=1), (offset * ahead).sum(axis=1))
+    pace = (now.linear_velocity[:, :2] * ahead).sum(axis=1)
+    wanted = np.where(np.abs(bearing) < 0.6, speed, 0.0)
+    drive = np.where(pace < wanted, 1.0, np.where(pace > wanted + 0.2, -1.0, 0.0))
+    return np.stack([drive, np.clip(3.0 * bearing, -1.0, 1.0)], axis=1)
+
+
+def to_the_goal(now: Snapshot) -> np.ndarray:
+    return go_to(now, now.bodies["goal"][:, 0, :2])
+
+
+def to_the_nearest_target(now: Snapshot) -> np.ndarray:
+    targets = now.bodies["targets"]
+    nearest = now.distance(targets).argmin(axis=1)
+    return go_to(now, targets[np.arange(len(targets)), nearest, :2])
+
+
+def to_the_centre(now: Snapshot) -> np.ndarray:
+    """At the origin the robot is seen from everywhere in the circle, so that targets turn away before it."""
+    far = np.hypot(*now.position[:, :2].T)
+    return go_to(now, np.zeros((len(far), 2)), speed=np.clip(2.0 * (far - 0.1), 0.0, 1.5))
+
+
+def behind_the_ball_and_push(now: Snapshot) -> np.ndarray:
+    """Drive to the side of the ball that the goal is not on, around it where it is in the way, then push."""
+    robot, ball, goal = now.position[:, :2], now.bodies["ball"][:, 0, :2], now.bodies["goal"][:, 0, :2]
+    ahead = unit(goal - ball)
+    aside = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
+    offset = ball - robot
+    along, across = (offset * ahead).sum(axis=1), (offset * aside).sum(axis=1)
+    detour = ball - 0.65 * np.where(across < 0.0, -1.0, 1.0)[:, None] * aside - 0.1 * ahead
+    place = np.where((along > 0.1)[:, None], ball - 0.6 * ahead, detour)
+    lined_up = (along > 0.2) & (np.abs(across) < 0.12)
+    # Beyond the ball's centre, so that a ball that lies a little to one side is brought back.
+    place = np.where(lined_up[:, None], ball + 0.5 * across[:, None] * aside, place)
+    return go_to(now, place, speed=np.where(lined_up, 0.6, 1.0))
+
+
+def unit(vectors: np.ndarray) -> np.ndarray:
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-9)
+
+
+@pytest.fixture
+def engine(backend_name: str) -> str:
+    if not plugins.load("guard.backends", backend_name).capabilities.contacts:
+        pytest.skip("not a simulator: nothing touches anything")
+    return backend_name
+
+
+def play(name: str, backend: str, control: Controller, steps: int) -> tuple[np.ndarray, np.ndarray, list[Snapshot]]:
+    """Rewards (steps, N), successes (N,) and the first and last instant of one episode in every world."""
+    env = make_environment(name, backend=backend, num_worlds=WORLDS, seed=1, workers=1)
+    env.reset()
+    first, taken = env.snapshot, []
+    for _ in range(steps):
+        taken.append(env.step(control(env.snapshot)))
+    env.close()
+    assert not any(step.terminated.any() for step in taken)
+    rewards, successes = (np.array([getattr(step, name) for step in taken]) for name in ("reward", "success"))
+    return rewards, successes.sum(axis=0), [first, env.snapshot]
+
+
+def idle(now: Snapshot) -> np.ndarray:
+    return np.zeros((len(now.position), 2))
+
+
+@pytest.mark.parametrize("constraint", ["8Hazards", "8Ghosts"])
+def test_goals_are_reached(engine: str, constraint: str) -> None:
+    rewards, successes, _ = play(f"Goal_Point_{constraint}", engine, to_the_goal, 400)
+    assert (successes >= 2).all()
+    assert (rewards.sum(axis=0) > 1.5 * successes).all()  # each goal pays its distance and its bonus
+
+
+def test_the_ball_is_pushed_into_the_goal(engine: str) -> None:
+    rewards, successes, _ = play("Push_Point_8Hazards", engine, behind_the_ball_and_push, 700)
+    assert (successes >= 1).all()
+    assert (rewards.sum(axis=0) > 2 * successes).all()
+
+
+def test_a_target_is_caught(engine: str) -> None:
+    rewards, _, (first, last) = play("Chase_Point_8Hazards", engine, to_the_nearest_target, 300)
+    start, end = (now.distance(now.bodies["targets"]).min(axis=1) for now in (first, last))
+    assert (end < 0.75).all()
+    assert (end < start - 0.3).all()
+    np.testing.assert_allclose(rewards.sum(axis=0), start - end, atol=1e-9)
+    stood, *_ = play("Chase_Point_8Hazards", engine, idle, 200)
+    assert (stood.sum(axis=0) < 0.0).all()  # targets that see the robot flee
+
+
+def test_the_circle_is_defended(engine: str) -> None:
+    defended, *_ = play("Defense_Point_8Hazards", engine, to_the_centre, 500)
+    stood, *_ = play("Defense_Point_8Hazards", engine, idle, 500)
+    np.testing.assert_allclose(defended[-100:], 0.2)  # both targets are outside, and stay there
+    assert (defended.sum(axis=0) > stood.sum(axis=0) + 50.0).all()
