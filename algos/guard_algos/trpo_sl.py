@@ -14,6 +14,8 @@ Decisions:
 - The bounds belong to the problem: its solution is exact (`box.project`), the paper's closed form is clipped afterwards
   and then exceeds the threshold although an action exists that meets it. Away from the bounds both are the same.
 - Of several constraints, the one with the largest multiplier is taken to be active, as the paper does.
+- The model looks one step ahead, as the paper's. Where an action moves the velocity and the velocity the cost, as in
+  robots driven by forces, g mostly finds which actions went along with a rising cost: the layer may then raise costs.
 - What is executed cannot take part in the gradient, and the proposed action does: `shield` says why.
 """
 
