@@ -65,14 +65,17 @@ class Snapshot:
         From its nearest segment, negative inside; from the reference's origin for a robot without segments.
         """
         if self.segment_start.shape[1] == 0:
-            offset = points - self.position[:, None]
-            return np.sqrt((offset * offset).sum(axis=-1))
-        start, along = self.segment_start[:, None], (self.segment_end - self.segment_start)[:, None]
-        offset = points[:, :, None] - start  # (N, K, S, 3)
-        squared = (along * along).sum(axis=-1)
-        share = (offset * along).sum(axis=-1) / np.where(squared > 0.0, squared, 1.0)
-        offset = offset - np.clip(share, 0.0, 1.0)[..., None] * along
-        return (np.sqrt((offset * offset).sum(axis=-1)) - self.segment_radius).min(axis=-1)
+            x, y, z = (points[..., axis] - self.position[:, None, axis] for axis in range(3))
+            return np.sqrt(x * x + y * y + z * z)
+        # By axis: (N, K, S) arrays are summed several times faster than the last axis of (N, K, S, 3) ones.
+        along = (self.segment_end - self.segment_start)[:, None]
+        ax, ay, az = along[..., 0], along[..., 1], along[..., 2]
+        x, y, z = (points[:, :, None, axis] - self.segment_start[:, None, :, axis] for axis in range(3))
+        squared = ax * ax + ay * ay + az * az
+        share = (x * ax + y * ay + z * az) / np.where(squared > 0.0, squared, 1.0)
+        share = np.minimum(np.maximum(share, 0.0), 1.0)
+        x, y, z = x - share * ax, y - share * ay, z - share * az
+        return (np.sqrt(x * x + y * y + z * z) - self.segment_radius).min(axis=-1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

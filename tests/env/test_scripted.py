@@ -98,7 +98,7 @@ def test_goals_are_reached(engine: str, constraint: str) -> None:
 def test_the_ball_is_pushed_into_the_goal(engine: str) -> None:
     rewards, successes, _ = play("Push_Point_8Hazards", engine, behind_the_ball_and_push, 700)
     assert (successes >= 1).all()
-    assert (rewards.sum(axis=0) > 2 * successes).all()
+    assert (rewards.sum(axis=0) > 1.5 * successes).all()
 
 
 def test_a_target_is_caught(engine: str) -> None:
