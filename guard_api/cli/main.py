@@ -17,6 +17,7 @@ COMMANDS: Final[dict[str, str]] = {
     "eval": "evaluate a trained policy on any backend",
     "export": "write a trained policy as an ONNX file",
     "transfer": "train on some backends, evaluate on all: the transfer matrix",
+    "env": "show what environments consist of, observe and cost, and a picture of them",
     "robot": "show a robot as tables and a picture, or check its files and what the simulators make of them",
     "conform": "check a backend against the contract, clause by clause",
     "compare": "measure whether each robot is the same in every simulator: motion, gait, endurance, speed",

@@ -1,9 +1,10 @@
-"""One sheet with the picture of every robot, captioned."""
+"""One sheet of captioned pictures."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -24,21 +25,36 @@ CAPTION: Final = 52
 INK, MUTED, PAPER = (31, 41, 51), (103, 114, 126), (255, 255, 255)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cell:
+    """One picture of the sheet: `image` (CELL[1], CELL[0], 3) uint8 over its `title` and `caption`."""
+
+    title: str
+    caption: str
+    image: Image
+
+
 def contact_sheet(robots: Sequence[RobotModel], columns: int = 4) -> Image:
-    """Return one picture (height, width, 3) of all `robots` at home, row by row. SpecError when there are none."""
-    if not robots:
-        raise SpecError("there are no robots to show")
-    columns = min(columns, len(robots))
-    rows = math.ceil(len(robots) / columns)
+    """Return one picture (height, width, 3) of all `robots` at home. SpecError when there are none."""
+    cells = [Cell(title=r.name, caption=caption(r), image=robot_picture(r, size=CELL)) for r in robots]
+    return sheet(cells, columns)
+
+
+def sheet(cells: Sequence[Cell], columns: int = 4) -> Image:
+    """Return one picture (height, width, 3) of all `cells`, row by row. SpecError when there are none."""
+    if not cells:
+        raise SpecError("there is nothing to show")
+    columns = min(columns, len(cells))
+    rows = math.ceil(len(cells) / columns)
     width, height = CELL[0] + GAP, CELL[1] + CAPTION + GAP
-    sheet = Pillow.new("RGB", (columns * width + GAP, rows * height + GAP), PAPER)
-    draw = ImageDraw.Draw(sheet)
-    for i, robot in enumerate(robots):
+    page = Pillow.new("RGB", (columns * width + GAP, rows * height + GAP), PAPER)
+    draw = ImageDraw.Draw(page)
+    for i, cell in enumerate(cells):
         x, y = GAP + i % columns * width, GAP + i // columns * height
-        sheet.paste(Pillow.fromarray(robot_picture(robot, size=CELL)), (x, y))
-        draw.text((x + 4, y + CELL[1] + 4), robot.name, fill=INK, font=ImageFont.load_default(22))
-        draw.text((x + 4, y + CELL[1] + 31), caption(robot), fill=MUTED, font=ImageFont.load_default(14))
-    return np.asarray(sheet)
+        page.paste(Pillow.fromarray(cell.image), (x, y))
+        draw.text((x + 4, y + CELL[1] + 4), cell.title, fill=INK, font=ImageFont.load_default(22))
+        draw.text((x + 4, y + CELL[1] + 31), cell.caption, fill=MUTED, font=ImageFont.load_default(14))
+    return np.asarray(page)
 
 
 def caption(robot: RobotModel) -> str:
