@@ -1,4 +1,4 @@
-"""Backends, algorithms and robots as plugins: listing names imports nothing, loading imports that one."""
+"""Backends, algorithms, robots and terms as plugins: listing names imports nothing, loading imports that one."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any, Literal, TypeAlias
 from guard_api.conventions import BACKEND_API
 from guard_api.errors import PluginError, unknown_name
 
-Group: TypeAlias = Literal["guard.backends", "guard.algorithms", "guard.robots"]
+Group: TypeAlias = Literal["guard.backends", "guard.algorithms", "guard.robots", "guard.tasks", "guard.constraints"]
 
 _EXTRA_OF = {"mujoco": "mujoco", "pybullet": "bullet", "sapien": "sapien", "torch": "algos"}
 """Third-party module -> the extra of `guard-api` that installs it; used in hints only."""

@@ -8,8 +8,9 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final, cast, get_args, get_type_hints
+from typing import Any, Final, Literal, cast, get_args, get_type_hints
 
+from guard_api import plugins
 from guard_api.constraints import CONSTRAINTS, Constraint
 from guard_api.errors import SpecError, unknown_name
 from guard_api.scene.spec import BodyGroup, ContactPreset, Placement
@@ -88,9 +89,9 @@ class EnvSpec:
                 raise unknown_name("field of an environment spec", key, known)
         try:
             values = dict(data)
-            values["task"] = _term_from_json("task", TASKS, data["task"])
+            values["task"] = _term_from_json("task", data["task"])
             for part, terms in (("constraints", data["constraints"]), ("scenery", data.get("scenery", ()))):
-                values[part] = tuple(_term_from_json("constraint", CONSTRAINTS, term) for term in terms)
+                values[part] = tuple(_term_from_json("constraint", term) for term in terms)
             values["extents"] = tuple(float(x) for x in data.get("extents", (-2.0, -2.0, 2.0, 2.0)))
             values["robot_placement"] = _dataclass_from_json(Placement, data.get("robot_placement", {}))
             return cls(**values)
@@ -106,16 +107,27 @@ class EnvSpec:
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
+def term_type(kind: Literal["task", "constraint"], name: str) -> Any:
+    """Return the task or constraint dataclass called `name`: GUARD's own, or that of an installed package.
+
+    Raises SpecError for an unknown name (nearest names given), PluginError for one that cannot be imported.
+    """
+    own, group = (TASKS, "guard.tasks") if kind == "task" else (CONSTRAINTS, "guard.constraints")
+    if name in own:
+        return own[name]
+    installed = plugins.names(group)
+    if name not in installed:
+        raise unknown_name(kind, name, [*own, *installed])
+    return plugins.load(group, name)
+
+
 def _term_to_json(term: Any) -> dict[str, Any]:
     return {"type": type(term).__name__, **dataclasses.asdict(term)}
 
 
-def _term_from_json(kind: str, table: Mapping[str, type], data: Mapping[str, Any]) -> Any:
+def _term_from_json(kind: Literal["task", "constraint"], data: Mapping[str, Any]) -> Any:
     values = dict(data)
-    name = values.pop("type")
-    if name not in table:
-        raise unknown_name(kind, name, table)
-    return _dataclass_from_json(table[name], values)
+    return _dataclass_from_json(term_type(kind, values.pop("type")), values)
 
 
 def _dataclass_from_json(kind: type, data: Mapping[str, Any]) -> Any:

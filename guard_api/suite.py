@@ -11,14 +11,14 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any, Final
 
-from guard_api.constraints import CONSTRAINTS, Constraint
+from guard_api.constraints import CONSTRAINTS
 from guard_api.errors import SpecError, unknown_name
 from guard_api.model.library import load_robot, robot_names
 from guard_api.model.robot import RobotModel
 from guard_api.safety_gym import level_names, make_level
 from guard_api.scene.spec import Placement
 from guard_api.sensors.lidar import Lidar
-from guard_api.spec import EnvSpec
+from guard_api.spec import EnvSpec, term_type
 from guard_api.tasks import TASKS, Task
 from guard_api.tasks.targets import Targets
 
@@ -68,18 +68,22 @@ def make_spec(name: str) -> EnvSpec:
     task, counts = match["task"], [(int(n), kind) for n, kind in _CONSTRAINT.findall(match["constraints"])]
     robots = {robot.lower(): robot for robot in robot_names()}
     key = match["robot"].lower()
-    asked = [("task", task, TASKS), ("robot", key, robots), *(("constraint", kind, CONSTRAINTS) for _, kind in counts)]
-    for kind, value, known in asked:
-        if value not in known:
-            error = unknown_name(kind, value, known)
-            raise SpecError(f"environment {name!r}: {error}")
+    try:
+        if key not in robots:
+            raise unknown_name("robot", key, robots)
+        task_type, kinds = term_type("task", task), [term_type("constraint", kind) for _, kind in counts]
+    except SpecError as error:
+        raise SpecError(f"environment {name!r}: {error}") from error
     robot = robots[key]
     standing = _of(robot).base == "fixed"
     return EnvSpec(
         name=_name(task, robot, counts),
         robot=robot,
-        task=_TASKS.get(task, lambda robot: TASKS[task]())(_of(robot)),
-        constraints=tuple(_constraint(kind, count, _of(robot)) for count, kind in counts),
+        task=_TASKS.get(task, lambda robot: task_type())(_of(robot)),
+        constraints=tuple(
+            constraint(count=count, **_settings(kind, _of(robot)))
+            for constraint, (count, kind) in zip(kinds, counts, strict=True)
+        ),
         robot_placement=Placement(locations=((0.0, 0.0),)) if standing else Placement(),
     )
 
@@ -117,13 +121,13 @@ def _targets(robot: RobotModel, sight: float) -> Targets:
     return Targets(speed=speed, flight_speed=10.0 * speed, sight=sight, **_in_space(robot))
 
 
-def _constraint(kind: str, count: int, robot: RobotModel) -> Constraint:
-    settings: dict[str, Any] = {}
+def _settings(kind: str, robot: RobotModel) -> dict[str, Any]:
+    """Return what a constraint called `kind` needs to know of the robot."""
     if kind == "Ghosts":
-        settings = {"speed": _stride_speed(robot), **_in_space(robot)}
-    elif kind == "Hazards":
-        settings = {"reach": robot.reach, **_in_space(robot)} if robot.spatial else {}
-    return CONSTRAINTS[kind](count=count, **settings)
+        return {"speed": _stride_speed(robot), **_in_space(robot)}
+    if kind == "Hazards" and robot.spatial:
+        return {"reach": robot.reach, **_in_space(robot)}
+    return {}
 
 
 def _in_space(robot: RobotModel) -> dict[str, Any]:

@@ -67,7 +67,7 @@ class Hazards:
 
     def observe(self, t: Transition) -> dict[str, Array]:
         """Return `hazards_lidar`."""
-        return {"hazards_lidar": self.lidar.read(t.now, t.now.bodies[self.name])}
+        return {f"{self.name}_lidar": self.lidar.read(t.now, t.now.bodies[self.name])}
 
     def _depth(self, now: Snapshot) -> Array:
         """Return how deep the robot is in each hazard: (N, count) [m]."""
