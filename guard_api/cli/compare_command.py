@@ -83,23 +83,27 @@ class Locomotion(Which):
     """Contact settings."""
     drives: tuple[Drive, ...] = get_args(Drive)
     """Controls: random, or a sinusoidal gait."""
+    refine: tuple[int, ...] = (1,)
+    """Divide the robot's timestep by these, to see what of a difference is the timestep's."""
     measure: ClassVar = "locomotion"
 
     def cells(self) -> list[Cell]:
-        """Return one cell per robot, controls, preset and simulator."""
+        """Return one cell per timestep, controls, robot, preset and simulator."""
         settings = {"seeds": self.seeds, "seconds": self.seconds}
         robots = self.robots or tuple(name for name in robot_names() if moves_by_contact(load_robot(name)))
         return [
             Cell(
-                key={"drive": drive, "robot": robot, "preset": preset, "backend": backend},
+                key={"refine": str(refine), "drive": drive, "robot": robot, "preset": preset, "backend": backend},
                 robot=robot,
                 backends=(backend,),
                 settings=settings,
-                measure=lambda r=robot, b=backend, p=preset, d=drive: measure_locomotion(
-                    r, b, preset=p, drive=d, **settings
+                measure=lambda r=robot, b=backend, p=preset, d=drive, n=refine: measure_locomotion(
+                    r, b, preset=p, drive=d, refine=n, **settings
                 ),
             )
-            for drive, robot, preset, backend in product(self.drives, robots, self.presets, self.backends)
+            for refine, drive, robot, preset, backend in product(
+                self.refine, self.drives, robots, self.presets, self.backends
+            )
         ]
 
 

@@ -46,18 +46,19 @@ def moves_by_contact(robot: RobotModel) -> bool:
 
 
 def measure_locomotion(
-    robot: str, backend: str, *, preset: ContactPreset, drive: Drive, seeds: int, seconds: float
+    robot: str, backend: str, *, preset: ContactPreset, drive: Drive, seeds: int, seconds: float, refine: int = 1
 ) -> dict[str, Any]:
     """Return the statistics of `robot` on `backend`, one world per seed, as JSON data.
 
+    refine: by what the robot's timestep is divided: what converges with it is the timestep's doing, not the engine's.
     The quantities that the robot has of `QUANTITIES`, name -> one value per seed, and how many worlds were `lost`,
-    whose values end with them. Raises SpecError for fewer than one seed or no time.
+    whose values end with them. Raises SpecError for fewer than one seed, no time, or no timestep.
     """
-    for name, value in (("seeds", seeds), ("seconds", seconds)):
+    for name, value in (("seeds", seeds), ("seconds", seconds), ("refine", refine)):
         if not value > 0:
             raise SpecError(f"{name} is {value}: it must be positive")
     model = load_robot(robot)
-    motion = play(backend, model, make_tape(model, seeds, seconds, drive), preset=preset)
+    motion = play(backend, model, make_tape(model, seeds, seconds, drive), preset=preset, refine=refine)
     values = {name: column.tolist() for name, column in summarise(model, motion).items()}
     return {**values, "lost": int((~motion.ok[-1]).sum())}
 

@@ -103,21 +103,17 @@ def _divergence(records: Records) -> list[Table]:
 
 def _locomotion(records: Records) -> list[Table]:
     made = []
-    for drive in dict.fromkeys(record["drive"] for record in records):
+    for refine, drive in dict.fromkeys((record["refine"], record["drive"]) for record in records):
+        chosen = [r for r in records if (r["refine"], r["drive"]) == (refine, drive) and "values" in r]
+        how = {"random": "Random controls", "gait": "Gait"}[drive] + ("" if refine == "1" else f", timestep / {refine}")
         for quantity, name in QUANTITIES.items():
-            of = {
-                (r["robot"], r["preset"], r["backend"]): r["values"].get(quantity)
-                for r in records
-                if r["drive"] == drive and "values" in r
-            }
+            of = {(r["robot"], r["preset"], r["backend"]): r["values"].get(quantity) for r in chosen}
             columns = sorted({key[1:] for key in of}, key=lambda c: (c[0] != "rigid", _order(c[1])))
-            rows = [
-                (robot, *(_mean(of, robot, *column) for column in columns))
-                for robot in dict.fromkeys(key[0] for key in of)
-                if any(value for key, value in of.items() if key[0] == robot)
-            ]
+            robots = dict.fromkeys(key[0] for key, values in of.items() if values)
+            rows = [(robot, *(_mean(of, robot, *column) for column in columns)) for robot in robots]
             heads = tuple(f"{preset}, {backend}" for preset, backend in columns)
-            made.append(Table(title=f"{drive}: {name}", columns=("robot", *heads), rows=tuple(rows)))
+            if rows:
+                made.append(Table(title=f"{how}: {name}", columns=("robot", *heads), rows=tuple(rows)))
     return made + ([_refusals(records)] if any("error" in record for record in records) else [])
 
 
