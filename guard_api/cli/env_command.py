@@ -12,7 +12,7 @@ import tyro
 from guard_api.cli.options import parse
 from guard_api.cli.output import print_json, print_table
 from guard_api.env import Environment, make_environment
-from guard_api.viewer import CELL, Cell, environment_picture, sheet, write_png
+from guard_api.viewer import CELL, Cell, captioned_sheet, environment_picture, write_png
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,7 +36,10 @@ def main(argv: Sequence[str]) -> int:
     shown = [make_environment(name, backend="ideal", seed=options.seed) for name in options.envs]
     rows = [_describe(env) for env in shown]
     if options.out is not None:
-        write_png(options.out, environment_picture(shown[0]) if len(shown) == 1 else sheet([_cell(e) for e in shown]))
+        write_png(
+            options.out,
+            environment_picture(shown[0]) if len(shown) == 1 else captioned_sheet([_cell(e) for e in shown]),
+        )
     if options.json:
         print_json(rows)
         return 0

@@ -90,7 +90,7 @@ def run_conformance(
 def check_robots(
     backend: Backend, robots: Iterable[RobotModel], clauses: Iterable[str] | None = None
 ) -> ConformanceReport:
-    """Run only the checks of `robots` on `backend`: is what the engine holds the robot of the model?
+    """Run only the checks of `robots` on `backend`: whether what the engine holds is the robot of the model.
 
     Their results are named `check:robot`. Raises SpecError for an unknown clause.
     """

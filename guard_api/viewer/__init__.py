@@ -2,9 +2,9 @@
 
 from guard_api.viewer.camera import Camera
 from guard_api.viewer.picture import SIZE, environment_picture, picture, png, robot_picture, write_png
-from guard_api.viewer.sheet import CELL, Cell, contact_sheet, sheet
+from guard_api.viewer.sheet import CELL, Cell, captioned_sheet, contact_sheet
 
 __all__ = [
-    "CELL", "SIZE", "Camera", "Cell", "contact_sheet", "environment_picture", "picture", "png", "robot_picture",
-    "sheet", "write_png",
+    "CELL", "SIZE", "Camera", "Cell", "captioned_sheet", "contact_sheet", "environment_picture", "picture", "png",
+    "robot_picture", "write_png",
 ]  # fmt: skip

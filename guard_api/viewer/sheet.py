@@ -37,10 +37,10 @@ class Cell:
 def contact_sheet(robots: Sequence[RobotModel], columns: int = 4) -> Image:
     """Return one picture (height, width, 3) of all `robots` at home. SpecError when there are none."""
     cells = [Cell(title=r.name, caption=caption(r), image=robot_picture(r, size=CELL)) for r in robots]
-    return sheet(cells, columns)
+    return captioned_sheet(cells, columns)
 
 
-def sheet(cells: Sequence[Cell], columns: int = 4) -> Image:
+def captioned_sheet(cells: Sequence[Cell], columns: int = 4) -> Image:
     """Return one picture (height, width, 3) of all `cells`, row by row. SpecError when there are none."""
     if not cells:
         raise SpecError("there is nothing to show")
