@@ -179,12 +179,13 @@ def start(arguments: list[str], **kwargs) -> subprocess.Popen[str]:
 
 def wait_for_rows(out: Path, process: subprocess.Popen[str], rows: int) -> None:
     progress = out / "progress.csv"
-    for _ in range(1200):
+    for _ in range(3600):
         if progress.exists() and len(progress.read_text().splitlines()) > rows:
             return
         assert process.poll() is None, process.communicate()[1]
         time.sleep(0.05)
-    raise AssertionError("no progress")
+    process.kill()
+    raise AssertionError(f"no progress: {process.communicate()[1]}")
 
 
 def test_interrupt_leaves_a_checkpoint_and_resumes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
