@@ -18,7 +18,7 @@ from guard_api.scene.spec import SceneSpec
 from guard_api.scene.start import home_start
 from guard_api.shapes import Box, Mesh, Pose
 from guard_api.testing import robots
-from guard_api.testing.conformance import find, run_check
+from guard_api.testing.conformance import check_robots, find, run_check
 from guard_api.testing.scenes import (
     MOTION,
     WEIGHTLESS,
@@ -37,6 +37,7 @@ from guard_bullet import backend, dominance
 from guard_bullet.compile import approximations
 from guard_bullet.dominance import geared_joints
 from guard_bullet.engine import quiet
+from guard_bullet.massless import token_links
 from guard_bullet.passive import EngineSolution, PlanarBody
 from guard_bullet.surfaces import surfaces
 
@@ -265,6 +266,28 @@ def test_an_armature_without_a_rotor_is_admitted():
     scene = bodies_scene(("box", body(), 1), robot=robot)
     assert "without their armature" in " ".join(approximations(scene))
     assert approximations(bodies_scene(("box", body(friction=1.0), 1), robot=pusher())) == ()
+
+
+def test_hinges_in_line_across_a_massless_link_move_as_the_model_says():
+    hopper = load_robot("hopper")
+    assert check_robots(backend, [hopper], ["C4"]).passed
+    assert token_links(hopper) == ["hip_x", "hip_z", "hip_y"]
+    assert "hip_x, hip_z, hip_y have 1e-09" in " ".join(approximations(robot_scene(hopper)))
+    assert token_links(load_robot("point")) == []
+
+
+def test_a_leaning_leg_gives_way_at_its_massless_hip():
+    """Hopper put on a leg that leans at the hip: within half a second the leg is upright and bears what it should."""
+    robot = load_robot("hopper")
+    scene = SceneSpec(robot=robot, timestep=robot.timestep)
+    q = home_start(scene, 1).joint_position[0]
+    q[robot.joint_index("hip_y")] = 0.2
+    with running(backend, scene, joint_position=q) as world:
+        world.step(idle(world), 80)
+        world.step(idle(world), 40)
+        state = world.state()
+    assert abs(state.joint_position[0, robot.joint_index("hip_y")]) < 0.03
+    assert state.touch.sum() == pytest.approx(30.9, rel=0.06)
 
 
 def test_surfaces_multiply_to_the_pairs_that_the_scene_asks_for():

@@ -10,6 +10,7 @@ from guard_api.scene.spec import BodySpec, SceneSpec
 from guard_api.shapes import Mesh
 from guard_bullet.dominance import NEGLIGIBLE, can_touch, geared_joints
 from guard_bullet.engine import Client, connect, disconnect, pybullet, solve_directly
+from guard_bullet.massless import TOKEN, token_links
 from guard_bullet.pairs import self_collides
 from guard_bullet.robot import BASE, NO_ROBOT, build_robot, neutralise
 from guard_bullet.rotors import build_rotors
@@ -102,7 +103,8 @@ def _scatter(client: Client, bodies: list[int]) -> None:
 
 def approximations(scene: SceneSpec) -> tuple[str, ...]:
     """Return what of `scene` this engine does not express exactly, one sentence each."""
-    return (*surface_approximations(scene), *_shape_approximations(scene), *_armature_approximations(scene))
+    armature, massless = _armature_approximations(scene), _massless_approximations(scene)
+    return (*surface_approximations(scene), *_shape_approximations(scene), *armature, *massless)
 
 
 def _build_ground(client: Client, surface: Surfaces) -> int:
@@ -146,6 +148,13 @@ def _armature_approximations(scene: SceneSpec) -> Iterator[str]:
     if names:
         share = f"less than {NEGLIGIBLE:.0%} of the inertia that they move"
         yield f"contacts and stops feel joints {', '.join(names)} without their armature and implicit damping, {share}"
+
+
+def _massless_approximations(scene: SceneSpec) -> Iterator[str]:
+    names = token_links(scene.robot) if scene.robot else []
+    if names:
+        share = f"{TOKEN:g} of the robot's mass and of its largest moment of inertia"
+        yield f"massless links {', '.join(names)} have {share}, since their joints can fall in line with others"
 
 
 def _shape_approximations(scene: SceneSpec) -> Iterator[str]:

@@ -6,6 +6,7 @@ from guard_api.errors import BackendError
 from guard_api.model.robot import Joint, RobotModel
 from guard_api.shapes import IDENTITY
 from guard_bullet.engine import Client, pybullet
+from guard_bullet.massless import held_links
 from guard_bullet.pairs import connected, self_collides
 from guard_bullet.shapes import Principal, collision_shape, principal, xyzw
 from guard_bullet.surfaces import ROBOT_RESTITUTION, Surfaces, link_friction
@@ -27,7 +28,7 @@ def build_robot(client: Client, robot: RobotModel, surfaces: Surfaces) -> int:
         raise BackendError(
             f"bullet: robot {robot.name!r} has {len(robot.joints)} joints, the engine holds {MAX_DOFS - 6}"
         )
-    base, links = robot.links[0], robot.links[1:]
+    base, *links = held_links(robot)
     frames = [base_frame(robot), *(principal(link.inertia) for link in links)]
     flags = pybullet.URDF_MAINTAIN_LINK_ORDER | (pybullet.URDF_USE_SELF_COLLISION if self_collides(robot) else 0)
     body = pybullet.createMultiBody(
@@ -50,7 +51,7 @@ def build_robot(client: Client, robot: RobotModel, surfaces: Surfaces) -> int:
     )
     if body < 0:
         raise BackendError(f"bullet: the engine refused robot {robot.name!r}")
-    for index, (link, frame) in enumerate(zip(robot.links, frames, strict=True), start=BASE):
+    for index, (link, frame) in enumerate(zip((base, *links), frames, strict=True), start=BASE):
         if index != BASE or robot.floating:
             pybullet.changeDynamics(body, index, localInertiaDiagonal=frame.moments, physicsClientId=client)
         friction, restitution = surfaces.of_mover(link_friction(link), ROBOT_RESTITUTION)
