@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -36,8 +38,8 @@ def run_cells(
     """Measure the `cells` that `path` does not hold yet, writing after each; return the records of all of them.
 
     A record is a cell's key, what made it and its `values`, or the `error` of a simulator that refused. It counts as
-    held while its settings, the robot's files and the engines' versions are the same and it is no error. again:
-    measure all of them anyway. report: called before each cell with its position.
+    held while its settings, the robot's files, the engines' versions and the plugins' code are the same and it is no
+    error. again: measure all of them anyway. report: called before each cell with its position.
     """
     held = read_records(path) if path.exists() else []
     records = []
@@ -72,10 +74,26 @@ def _measured(cell: Cell, identity: Mapping[str, Any]) -> dict[str, Any]:
 
 def _identity(cell: Cell) -> dict[str, Any]:
     """Return what a held record must share with `cell`, as it reads in JSON."""
+    plugged = {name: plugins.load("guard.backends", name) for name in cell.backends}
     engines: dict[str, str] = {}
-    for backend in cell.backends:
-        engines |= plugins.load("guard.backends", backend).versions()
-    return {"settings": dict(cell.settings), "engines": engines, "assets": asset_hashes(cell.robot)}
+    for backend in plugged.values():
+        engines |= backend.versions()
+    return {
+        "settings": dict(cell.settings),
+        "engines": engines,
+        "code": {name: _code_hash(type(backend).__module__) for name, backend in plugged.items()},
+        "assets": asset_hashes(cell.robot),
+    }
+
+
+def _code_hash(module: str) -> str:
+    """Return a 16-digit hash of the Python files beside `module`: of a plugin's code."""
+    file = sys.modules[module].__file__
+    assert file is not None  # plugins are written in Python
+    digest = hashlib.sha256()
+    for source in sorted(Path(file).parent.rglob("*.py")):
+        digest.update(source.read_bytes())
+    return digest.hexdigest()[:16]
 
 
 def _is(record: Mapping[str, Any], values: Mapping[str, Any]) -> bool:

@@ -201,12 +201,14 @@ def test_finished_cells_survive_an_interruption_and_are_not_measured_again(tmp_p
     assert "point.urdf" in " ".join(records[0]["assets"])
 
 
-@pytest.mark.parametrize("change", ["settings", "assets", "again", "error"])
+@pytest.mark.parametrize("change", ["settings", "assets", "code", "again", "error"])
 def test_a_cell_is_measured_again_when_what_made_it_changed(tmp_path: Path, monkeypatch, change: str):
     path, calls = tmp_path / "x.json", []
     run_cells(path, [counted(calls, "a", error=change == "error"), counted(calls, "b")])
     if change == "assets":
         monkeypatch.setattr(cells, "asset_hashes", lambda robot: {"point.urdf": "other"})
+    if change == "code":
+        monkeypatch.setattr(cells, "_code_hash", lambda module: "other")
     settings = {"n": 2} if change == "settings" else None
     run_cells(path, [counted(calls, "a", settings)], again=change == "again")
     assert calls == ["a", "b", "a"]
