@@ -12,6 +12,7 @@ _FIRST = np.array([[2, 1, 1, 1, 1, 2, 1, 2, 1], [2, 2, 3, 2, 1, 3, 3, 3, 1]])
 _SECOND = np.array([[3, 0, 0, 0, 3, 0, 0, 0, 2], [3, 3, 2, 3, 3, 1, 2, 1, 2]])
 _FIRST_SIGN = np.array([-1.0, 1.0, 1.0, 1.0, -1.0, 1.0, 1.0, 1.0, -1.0])
 _SECOND_SIGN = np.array([-1.0, -1.0, 1.0, 1.0, -1.0, -1.0, -1.0, 1.0, -1.0])
+_NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
 _HALF_IDENTITY = 0.5 * np.eye(3).reshape(9)
 
 
@@ -100,9 +101,8 @@ def unrotate(q: ArrayLike, v: ArrayLike) -> Array:
 def cross(a: ArrayLike, b: ArrayLike) -> Array:
     """Return a x b: `(..., 3)`; `numpy.cross` without its per-call overhead, which dominates small batches."""
     a, b = np.asarray(a, float), np.asarray(b, float)
-    a0, a1, a2 = a[..., 0], a[..., 1], a[..., 2]
-    b0, b1, b2 = b[..., 0], b[..., 1], b[..., 2]
-    return np.stack([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0], axis=-1)
+    product = a.take(_NEXT, axis=-1) * b.take(_LAST, axis=-1)
+    return product - a.take(_LAST, axis=-1) * b.take(_NEXT, axis=-1)
 
 
 def yaw_quaternion(yaw: ArrayLike) -> Array:

@@ -6,80 +6,101 @@ reading from the engine's last substep would be a property of its solver rather 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Final
 
 import numpy as np
 
 from guard_api import rotations
 from guard_api.conventions import GRAVITY, MAGNETIC_FIELD
+from guard_api.model.kinematics import rows_of
 from guard_api.model.robot import RobotModel, Sensor, SensorKind
 from guard_api.physics.state import State
 from guard_api.physics.transition import Array, Transition, in_frame
-from guard_api.shapes import IDENTITY, ORIGIN
+from guard_api.shapes import IDENTITY
 
 _GRAVITY: Final = np.array(GRAVITY)
 _MAGNETIC: Final = np.array(MAGNETIC_FIELD)
 
 
 class InertialSensors:
-    """The inertial sensors of one robot, grouped by link so that each link's frame is applied once; `read` is pure."""
+    """The inertial sensors of one robot, every kind on all links at once; `read` is pure."""
 
     def __init__(self, robot: RobotModel) -> None:
-        self._root = robot.link_index(robot.root) if robot.reference is None else -1
-        self._on_link: dict[int, list[Sensor]] = {}
-        for sensor in robot.sensors:
-            self._on_link.setdefault(robot.link_index(str(sensor.link)), []).append(sensor)
+        links = list(dict.fromkeys(str(sensor.link) for sensor in robot.sensors))
+        self._links = rows_of([robot.link_index(link) for link in links])
+        self._only_root = robot.reference is None and links == [robot.root]
+        on_link = [[sensor for sensor in robot.sensors if sensor.link == link] for link in links]
+        # World vectors lie in one array (N, links, slots, 3), so that all frames are applied in one product.
+        self._slots = max(map(len, on_link), default=0)
+        place = {sensor.name: (i, slot) for i, on in enumerate(on_link) for slot, sensor in enumerate(on)}
+        self._kinds = [
+            (vectors, _Sites(robot, sensors), [place[sensor.name] for sensor in sensors])
+            for kind, vectors in _WORLD_VECTORS.items()
+            if (sensors := [sensor for sensor in robot.sensors if sensor.kind == kind])
+        ]
+        turns = {s.name: None if s.pose.quaternion == IDENTITY else s.pose.quaternion for s in robot.sensors}
+        self._readings = [(name, *at, turns[name]) for name, at in place.items()]
 
     def read(self, t: Transition) -> dict[str, Array]:
         """Return every sensor's reading by name, each (N, 3) in the axes of its site.
 
         accelerometer [m/s^2], (0, 0, 9.81) at rest upright; velocimeter [m/s]; gyro [rad/s]; magnetometer.
         """
-        readings: dict[str, Array] = {}
-        for link, sensors in self._on_link.items():
-            world = np.empty((len(t.now.position), len(sensors), 3))
-            for i, sensor in enumerate(sensors):
-                world[:, i] = _WORLD_VECTOR[sensor.kind](t, sensor, link)
-            at_root = link == self._root
-            rotation = t.now.rotation if at_root else rotations.to_matrix(t.now.state.link_quaternion[:, link])
-            local = in_frame(rotation, world)
-            for i, sensor in enumerate(sensors):
-                turned = sensor.pose.quaternion != IDENTITY
-                reading = local[:, i]
-                readings[sensor.name] = rotations.unrotate(sensor.pose.quaternion, reading) if turned else reading
-        return readings
+        if not self._readings:
+            return {}
+        state = t.now.state
+        rotation = (
+            t.now.rotation[:, None] if self._only_root else rotations.to_matrix(state.link_quaternion[:, self._links])
+        )
+        world = np.zeros((*rotation.shape[:2], self._slots, 3))
+        for vectors_of, sites, places in self._kinds:
+            vectors = vectors_of(t, sites)
+            for column, (link, slot) in enumerate(places):
+                world[:, link, slot] = vectors[:, column]
+        local = in_frame(rotation, world)
+        return {
+            name: local[:, link, slot] if turn is None else rotations.unrotate(turn, local[:, link, slot])
+            for name, link, slot, turn in self._readings
+        }
 
 
-def _site_velocity(state: State, sensor: Sensor, link: int) -> Array:
-    """Return the velocity of the sensor's site, world axes: (N, 3) [m/s]."""
-    velocity = state.link_linear_velocity[:, link]
-    if sensor.pose.position == ORIGIN:
-        return velocity
-    arm = rotations.rotate(state.link_quaternion[:, link], sensor.pose.position)
-    return velocity + rotations.cross(state.link_angular_velocity[:, link], arm)
+class _Sites:
+    """The places of all S sensors of one kind."""
+
+    def __init__(self, robot: RobotModel, sensors: Sequence[Sensor]) -> None:
+        self.sensors = sensors
+        self.links = rows_of([robot.link_index(str(sensor.link)) for sensor in sensors])
+        self.offset = np.array([sensor.pose.position for sensor in sensors])
+        self._shifted = bool(self.offset.any())
+
+    def velocity(self, state: State) -> Array:
+        """Return the velocities of the sites, world axes: (N, S, 3) [m/s]."""
+        velocity = state.link_linear_velocity[:, self.links]
+        if not self._shifted:
+            return velocity
+        arm = rotations.rotate(state.link_quaternion[:, self.links], self.offset)
+        return velocity + rotations.cross(state.link_angular_velocity[:, self.links], arm)
 
 
-def _acceleration(t: Transition, sensor: Sensor, link: int) -> Array:
-    change = _site_velocity(t.now.state, sensor, link) - _site_velocity(t.previous.state, sensor, link)
-    return change / t.duration - _GRAVITY
+def _acceleration(t: Transition, sites: _Sites) -> Array:
+    return (sites.velocity(t.now.state) - sites.velocity(t.previous.state)) / t.duration - _GRAVITY
 
 
-def _velocity(t: Transition, sensor: Sensor, link: int) -> Array:
-    return _site_velocity(t.now.state, sensor, link)
+def _velocity(t: Transition, sites: _Sites) -> Array:
+    return sites.velocity(t.now.state)
 
 
-def _angular_velocity(t: Transition, sensor: Sensor, link: int) -> Array:
-    del sensor  # every point of a rigid link turns alike
-    return t.now.state.link_angular_velocity[:, link]
+def _angular_velocity(t: Transition, sites: _Sites) -> Array:
+    return t.now.state.link_angular_velocity[:, sites.links]  # every point of a rigid link turns alike
 
 
-def _magnetic_field(t: Transition, sensor: Sensor, link: int) -> Array:
-    del t, sensor, link  # the field is the same everywhere
-    return _MAGNETIC
+def _magnetic_field(t: Transition, sites: _Sites) -> Array:
+    del t  # the field is the same everywhere
+    return np.broadcast_to(_MAGNETIC, (1, len(sites.sensors), 3))
 
 
-_WORLD_VECTOR: Final[dict[SensorKind, Callable[[Transition, Sensor, int], Array]]] = {
+_WORLD_VECTORS: Final[dict[SensorKind, Callable[[Transition, _Sites], Array]]] = {
     "accelerometer": _acceleration,
     "velocimeter": _velocity,
     "gyro": _angular_velocity,
