@@ -80,10 +80,11 @@ class Area:
         return points
 
     def contains(self, points: Array) -> Mask:
-        """Return which `points` (n, k, 3) lie in a rectangle: (n, k)."""
-        offset = points[..., None, :2] - self._low
-        inside = (offset >= 0.0) & (offset <= self._size)
-        return np.any(inside.all(axis=-1), axis=-1)
+        """Return which `points` (..., 3) lie in a rectangle: (...)."""
+        x, y, inside = points[..., 0], points[..., 1], np.zeros(points.shape[:-1], dtype=bool)
+        for (left, low), (right, high) in zip(self._low, self._low + self._size, strict=True):
+            inside |= (x >= left) & (x <= right) & (y >= low) & (y <= high)
+        return inside
 
     def allows(self, points: Array, robot: Snapshot | None) -> Mask | None:
         """Return which `points` (n, k, 3) have the distances asked for, or None where none is asked for.

@@ -43,7 +43,7 @@ class EpisodeStarter:
         self._groups = {group.name: group for group in groups}
         items = _items("robot", scene.robot.keepout, 0.0, robot_placement or Placement(), 1)
         self._items: dict[str, slice] = {}
-        for group in groups:
+        for group in sorted(groups, key=lambda group: group.placement.last):
             if group.placement.onto is None:
                 first = len(items)
                 items += _items(group.name, group.body.keepout, group.body.height, group.placement, group.count)

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import groupby
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -32,13 +33,13 @@ _TRIES: Final = 100
 _FIRST: Final = 12
 """How many of them are looked at before the others are, in worlds where none of these is free."""
 
-_MOVES: Final = 16
-"""Candidates anywhere for an item that is drawn again, and as many around it."""
+_MOVES: Final = 8
+"""Candidates anywhere for an item that is drawn again, and as many around it; each sweep looks at as many more."""
 
 _NEAREST, _FURTHEST = 0.02, 1.0
 """[m] How far those around it may be: the bound itself is drawn, uniform in its logarithm."""
 
-_SWEEPS: Final = 12
+_SWEEPS: Final = 8
 """Times that all items are drawn again before a layout is given up."""
 
 _LAYOUTS: Final = 400
@@ -62,9 +63,18 @@ class LayoutSampler:
         self.items, self._extents = tuple(items), extents
         keepout = np.array([item.keepout for item in items])
         keeps = keepout > 0.0
+        located = np.array([item.location is not None for item in items])
         self._reach = np.where(keeps[:, None] & keeps, keepout[:, None] + keepout, 0.0)
-        self._located = [i for i, item in enumerate(items) if item.location is not None]
-        self._areas = {i: Area(item, extents) for i, item in enumerate(items) if item.location is None}
+        self._reach[located[:, None] & located | np.eye(len(items), dtype=bool)] = 0.0
+        self._others = [np.flatnonzero(row) for row in self._reach]
+        self._areas: dict[int, Area] = {}
+        self._blocks: list[tuple[Area, slice]] = []
+        free = [i for i, item in enumerate(items) if item.location is None]
+        for _, equal in groupby(free, key=lambda i: self.items[i]):
+            rows = list(equal)
+            area = Area(self.items[rows[0]], extents)
+            self._areas |= dict.fromkeys(rows, area)
+            self._blocks.append((area, slice(rows[0], rows[-1] + 1)))
         self._stand = stand if any(area.sees_robot for area in self._areas.values()) else None
         self._check_room()
         probes = [np.random.default_rng(probe) for probe in range(_PROBES)]
@@ -88,11 +98,10 @@ class LayoutSampler:
         Returns the places (n, 3) and which worlds found one (n,); a world without one keeps its old place there.
         """
         area = self._areas.get(index) or Area(self.items[index], self._extents)
-        others = [i for i in range(len(self.items)) if i != index]
         result, pending = places[:, index].copy(), np.arange(len(places))
         for _ in range(_TRIES):
             points = area.candidates(_drawn(streams, pending, (_TRIES, COORDINATES)))
-            cost = self._overlap(index, points, places[pending], others)
+            cost = self._overlap(index, points, places[pending], self._others[index])
             best, least = _least(points, cost, area.allows(points, rows_of(robot, pending)))
             result[pending[least == 0.0]] = best[least == 0.0]
             pending = pending[least > 0.0]
@@ -116,12 +125,13 @@ class LayoutSampler:
     def _attempt(self, streams: Streams, yaw: Array) -> tuple[Array, Mask]:
         """Return one layout for every stream (n, items, 3), and which of them hold (n,)."""
         places, robot, done = self._in_turn(streams, yaw)
-        for _ in range(_SWEEPS):
+        for sweep in range(1, _SWEEPS + 1):
             rows = np.flatnonzero(~done)
             if len(rows) == 0:
                 break
             moving, standing = places[rows], rows_of(robot, rows)
-            self._sweep(moving, _drawn(streams, rows, (len(self.items), 2 * _MOVES, COORDINATES)), standing)
+            moves = 2 * _MOVES * sweep  # the fewer worlds are left, the more can be looked at in the same time
+            self._sweep(moving, _drawn(streams, rows, (len(self.items), moves, COORDINATES)), standing)
             places[rows], done[rows] = moving, self._holds(moving, standing)
         return places, done
 
@@ -134,68 +144,73 @@ class LayoutSampler:
         every = np.arange(n)
         places, done = np.zeros((n, len(self.items), 3)), np.ones(n, dtype=bool)
         unit = _drawn(streams, every, (len(self.items), _TRIES, COORDINATES))
-        placed = []
-        for i in self._located:
-            item = self.items[i]
+        placed = np.zeros(len(self.items), dtype=bool)
+        for i, item in enumerate(self.items):
+            if item.location is None:
+                continue
             places[:, i, :2] = item.location
             places[:, i, 2] = heights(item.placement, item.height, unit[:, i, 0, 2])
-            placed.append(i)
+            placed[i] = True
         for i, area in self._areas.items():
             if i > 0 and robot is None and self._stand is not None:
                 robot = self._stand(places[:, 0, :2], yaw)
-            rows = every
+            rows, others = every, self._others[i][placed[self._others[i]]]
             for tries in (slice(_FIRST), slice(None)):
                 points = area.candidates(unit[rows, i, tries])
-                cost = self._overlap(i, points, places[rows], placed)
+                cost = self._overlap(i, points, places[rows], others)
                 places[rows, i], least = _least(points, cost, area.allows(points, rows_of(robot, rows)))
                 rows = rows[least > 0.0]
                 if len(rows) == 0:
                     break
             done[rows] = False
-            placed.append(i)
+            placed[i] = True
         return places, robot, done
 
     def _sweep(self, places: Array, unit: Array, robot: Snapshot | None) -> None:
-        """Draw each item but the robot again, from numbers `unit` (n, items, 2 moves, 3); change `places` in place.
+        """Draw each item but the robot again, from numbers `unit` (n, items, moves, 3); change `places` in place.
 
         It goes where it overlaps least among candidates anywhere, others around it, and where it is.
         """
-        for i, area in self._areas.items():
-            if i == 0:
-                continue
-            here = places[:, i, None]
-            wide = area.candidates(unit[:, i, :_MOVES])
-            near = here + _shift(unit[:, i, _MOVES:])
-            points = np.concatenate([wide, near, here], axis=1)
-            cost = self._overlap(i, points, places, [j for j in range(len(self.items)) if j != i])
-            allowed = np.ones(cost.shape, dtype=bool)
-            allowed[:, _MOVES:-1] = area.contains(near)
-            asked = area.allows(points, robot)
-            places[:, i], _ = _least(points, cost, allowed if asked is None else allowed & asked)
+        n, _, moves, _ = unit.shape
+        points, allowed = np.empty((n, len(self.items), moves + 1, 3)), np.ones((n, len(self.items), moves + 1), bool)
+        near = slice(moves // 2, -1)
+        points[:, :, -1] = places
+        points[:, :, near] = places[:, :, None] + _shift(unit[:, :, near.start :])
+        for area, rows in self._blocks:
+            points[:, rows, : near.start] = area.candidates(unit[:, rows, : near.start])
+            allowed[:, rows, near] = area.contains(points[:, rows, near])
+            asked = area.allows(points[:, rows].reshape(n, -1, 3), robot)
+            if asked is not None:
+                allowed[:, rows] &= asked.reshape(n, -1, moves + 1)
+        for i in self._areas:
+            if i > 0:
+                cost = self._overlap(i, points[:, i], places, self._others[i])
+                places[:, i], _ = _least(points[:, i], cost, allowed[:, i])
 
     def _holds(self, places: Array, robot: Snapshot | None) -> Mask:
         """Return in which worlds all keepouts and placements hold: (n,)."""
-        gap = places[:, :, None, :2] - places[:, None, :, :2]
-        overlap = (gap * gap).sum(axis=-1) < self._reach**2
-        overlap[:, range(len(self.items)), range(len(self.items))] = False
-        overlap[np.ix_(range(len(places)), self._located, self._located)] = False
-        holds = ~overlap.any(axis=(1, 2))
+        x, y = places[..., 0], places[..., 1]
+        dx, dy = x[:, :, None] - x[:, None], y[:, :, None] - y[:, None]
+        holds = np.logical_and.reduce(dx * dx + dy * dy >= self._reach**2, axis=(1, 2))
         for i, area in self._areas.items():
             asked = area.allows(places[:, i, None], robot)
             if asked is not None:
                 holds &= asked[:, 0]
         return holds
 
-    def _overlap(self, index: int, points: Array, places: Array, others: Sequence[int]) -> Array:
+    def _overlap(self, index: int, points: Array, places: Array, others: Rows) -> Array:
         """Return how much item `index` at `points` (n, k, 3) overlaps `others` at `places` (n, items, 3): (n, k).
 
         The measure is the sum of reach^2 - distance^2 over those nearer than the reach [m^2].
         """
-        others = [j for j in others if self._reach[index, j] > 0.0]
-        dx = points[:, None, :, 0] - places[:, others, 0, None]
-        dy = points[:, None, :, 1] - places[:, others, 1, None]
-        reach = self._reach[index, others][:, None]
-        return np.maximum(reach**2 - (dx * dx + dy * dy), 0.0).sum(axis=1)
+        # In place on contiguous arrays: this is where a reset spends its time.
+        dx = np.ascontiguousarray(points[..., 0])[:, None] - places[:, others, 0, None]
+        dy = np.ascontiguousarray(points[..., 1])[:, None] - places[:, others, 1, None]
+        dx *= dx
+        dy *= dy
+        dx += dy
+        np.subtract(self._reach[index, others][:, None] ** 2, dx, out=dx)
+        return np.maximum(dx, 0.0, out=dx).sum(axis=1)
 
     def _check_room(self) -> None:
         """Raise SpecError when the discs of the keepouts are larger than all areas together."""

@@ -29,7 +29,8 @@ class BodySpec:
     mass: [kg], dynamic bodies only; the inertia is that of the solid shape of uniform density.
     damping: rate [1/s] at which the linear and angular velocity of a dynamic body decay in free motion: drag, or what
     stands for rolling resistance, which not every engine has.
-    height: z of the body's frame when placed [m]. keepout: radius kept free around it in layouts [m].
+    height: z of the body's frame when placed [m]. keepout: radius kept free around it in layouts [m]; 0 makes it a mark
+    that keeps nothing free, and of which nothing keeps clear.
     rgba: colour in 0..1, for renderers only.
     """
 
@@ -49,12 +50,15 @@ class Placement:
     """Where things may be put when an episode starts, and again when they respawn.
 
     rectangles: (xmin, ymin, xmax, ymax) [m] areas, chosen by their size; none stands for the environment's extents.
-    locations: (x, y) [m] of the first ones, instead of a free place.
+    The keepout of what is placed stays within them.
+    locations: (x, y) [m] of the first ones when an episode starts, whatever else is there, instead of a free place.
     radius: (least, most) distance from the world's origin in the plane [m]. distance: the most in space [m].
     heights: (low, high) [m], drawn uniformly; None stands for the body's own height.
     clearance: least distance in space between the centre and the robot as it stands [m] (see `Snapshot.distance`).
     apart: least distance in space between the centre and the robot's reference as it stands [m].
-    onto: the group on one of whose bodies, drawn at random, the thing stands instead of on a free place.
+    onto: the group on one of whose bodies, drawn at random, the thing stands instead of on a free place; several stand
+    on different ones, and what respawns stands on another one than before.
+    last: whether it is placed after all that is not, in what that leaves free: in crowds, near the border.
     """
 
     rectangles: tuple[tuple[float, float, float, float], ...] = ()
@@ -65,6 +69,7 @@ class Placement:
     clearance: float = 0.0
     apart: float = 0.0
     onto: str | None = None
+    last: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -44,7 +44,7 @@ class Targets:
             keepout=self.keepout,
             rgba=(1.0, 1.0, 0.5, 1.0 if self.solid else 0.25),
         )
-        return BodyGroup(name=GROUP, body=body, count=self.count, placement=Placement(heights=self.heights))
+        return BodyGroup(name=GROUP, body=body, count=self.count, placement=Placement(heights=self.heights, last=True))
 
     def move(self, now: Snapshot, duration: float, *, approach: float) -> dict[str, Array]:
         """Return where the targets are `duration` [s] later.
