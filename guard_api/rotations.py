@@ -10,10 +10,10 @@ Array = NDArray[np.float64]
 # Row by row, the two products of quaternion components in each entry of a rotation matrix.
 _FIRST = np.array([[2, 1, 1, 1, 1, 2, 1, 2, 1], [2, 2, 3, 2, 1, 3, 3, 3, 1]])
 _SECOND = np.array([[3, 0, 0, 0, 3, 0, 0, 0, 2], [3, 3, 2, 3, 3, 1, 2, 1, 2]])
-_FIRST_SIGN = np.array([-1.0, 1.0, 1.0, 1.0, -1.0, 1.0, 1.0, 1.0, -1.0])
-_SECOND_SIGN = np.array([-1.0, -1.0, 1.0, 1.0, -1.0, -1.0, -1.0, 1.0, -1.0])
+_FIRST_SIGN = np.array([-1.0, 1.0, 1.0, 1.0, -1.0, 1.0, 1.0, 1.0, -1.0])[:, None]
+_SECOND_SIGN = np.array([-1.0, -1.0, 1.0, 1.0, -1.0, -1.0, -1.0, 1.0, -1.0])[:, None]
 _NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
-_HALF_IDENTITY = 0.5 * np.eye(3).reshape(9)
+_HALF_IDENTITY = 0.5 * np.eye(3).reshape(9, 1)
 
 
 def multiply(a: ArrayLike, b: ArrayLike) -> Array:
@@ -39,15 +39,17 @@ def conjugate(q: ArrayLike) -> Array:
 def to_matrix(q: ArrayLike) -> Array:
     """Return the rotation matrix `(..., 3, 3)` whose columns are the rotated axes."""
     q = np.asarray(q, float)
-    # R = 1 + 2 (a + b), with a and b products of two components each: few calls, because this runs at every step.
-    R = q.take(_FIRST[0], axis=-1) * q.take(_FIRST[1], axis=-1)
+    # R = 2 (1/2 + a + b), with a and b products of two components each: few calls on long rows, because this runs at
+    # every step for every link that is looked at.
+    rows = np.ascontiguousarray(q.reshape(-1, 4).T)
+    R = rows.take(_FIRST[0], axis=0) * rows.take(_FIRST[1], axis=0)
     R *= _FIRST_SIGN
-    second = q.take(_SECOND[0], axis=-1) * q.take(_SECOND[1], axis=-1)
+    second = rows.take(_SECOND[0], axis=0) * rows.take(_SECOND[1], axis=0)
     second *= _SECOND_SIGN
     R += second
     R += _HALF_IDENTITY
     R *= 2.0
-    return R.reshape(*q.shape[:-1], 3, 3)
+    return np.ascontiguousarray(R.T).reshape(*q.shape[:-1], 3, 3)
 
 
 def from_matrix(R: ArrayLike) -> Array:
@@ -101,8 +103,12 @@ def unrotate(q: ArrayLike, v: ArrayLike) -> Array:
 def cross(a: ArrayLike, b: ArrayLike) -> Array:
     """Return a x b: `(..., 3)`; `numpy.cross` without its per-call overhead, which dominates small batches."""
     a, b = np.asarray(a, float), np.asarray(b, float)
-    product = a.take(_NEXT, axis=-1) * b.take(_LAST, axis=-1)
-    return product - a.take(_LAST, axis=-1) * b.take(_NEXT, axis=-1)
+    if a.shape != b.shape:
+        a, b = np.broadcast_arrays(a, b)
+    a, b = np.ascontiguousarray(a.T), np.ascontiguousarray(b.T)
+    product = a.take(_NEXT, axis=0) * b.take(_LAST, axis=0)
+    product -= a.take(_LAST, axis=0) * b.take(_NEXT, axis=0)
+    return product.T
 
 
 def yaw_quaternion(yaw: ArrayLike) -> Array:

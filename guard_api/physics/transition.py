@@ -147,8 +147,7 @@ class _FrameReader:
         position = state.link_position[:, self._links]
         if not self._shifted:
             return position
-        rotation = rotations.to_matrix(state.link_quaternion[:, self._links])
-        return position + np.einsum("nfij,fj->nfi", rotation, self._offset)
+        return position + rotations.rotate(state.link_quaternion[:, self._links], self._offset)
 
 
 def in_frame(rotation: Array, vectors: Array) -> Array:
