@@ -17,5 +17,13 @@ GRAVITY: Final[tuple[float, float, float]] = (0.0, 0.0, -9.81)
 MAGNETIC_FIELD: Final[tuple[float, float, float]] = (0.0, -0.5, 0.0)
 """Constant world magnetic field that magnetometers read [arbitrary units]. Source: GUARD's and Safety Gym's worlds."""
 
+DIVERGED_SPEED: Final = 1e5
+"""A world in which anything moves faster [m/s or rad/s] has diverged, although its numbers are finite.
+
+Nothing that is built comes near: rotors of electric motors turn at up to 1e4 rad/s. In a timestep of 1 ms such a body
+goes 100 m, through whatever it should have touched; and engines clamp speeds further up (PhysX: 1e6 here), so that
+some divergences never reach infinity.
+"""
+
 BACKEND_API: Final[int] = 1
 """Version of the contract in `guard_api.physics`; a plugin states the one that it was written for."""

@@ -228,6 +228,13 @@ class SilentReset(IdealWorld):
         self._data["ok"] = np.ones_like(bad)
 
 
+class Trusting(IdealWorld):
+    """Takes every finite number for physics."""
+
+    def _speeds(self, now):
+        return []
+
+
 class Forgetful(IdealWorld):
     """Leaves the velocities out of its snapshots."""
 

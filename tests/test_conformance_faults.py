@@ -29,6 +29,7 @@ from tests.faulty_backends import (
     SilentReset,
     SpringsAmongEfforts,
     Stale,
+    Trusting,
     WholeReset,
     at_com,
     faulty_state,
@@ -138,6 +139,7 @@ FAULTS = {
     "bits that depend on other worlds": (FaultyBackend(Leaking), ["worlds_are_alone", "reset_is_selective"]),
     "an exception for a NaN": (FaultyBackend(Raising), ["a_nan_stays_alone"]),
     "a silent reset": (FaultyBackend(SilentReset), ["a_nan_stays_alone", "a_blow_up_stays_alone"]),
+    "any finite speed taken for physics": (FaultyBackend(Trusting), ["a_runaway_is_noticed"]),
     "snapshots without velocities": (
         FaultyBackend(Forgetful), ["restore_repeats", "restore_returns"],
     ),

@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from guard_api.conventions import DIVERGED_SPEED
 from guard_api.scene.spec import SceneSpec
 
 Array = NDArray[np.float64]
@@ -29,7 +30,9 @@ class State:
     body_contact: (N, B) whether the robot touched the body in any substep of the last step; False after a reset.
     touch: (N, K) [N] normal contact force on each of `RobotModel.touch_sensors` from everything that is not the robot,
     averaged over the substeps of the last step (see `guard_api.physics.touch`); 0 after a reset.
-    ok: (N,) False once a world's numbers became non-finite or its engine gave up; stays False until reset.
+    ok: (N,) False once a world's numbers became non-finite, the speed of a joint, a floating base or a dynamic body
+    exceeded `guard_api.conventions.DIVERGED_SPEED`, or its engine gave up; stays False until reset. Looked at after
+    every step.
     """
 
     time: Array
@@ -106,6 +109,16 @@ def state_shapes(scene: SceneSpec, num_worlds: int) -> dict[str, tuple[int, ...]
         "body_contact": (scene.num_bodies,), "touch": (num_touch,),
     }  # fmt: skip
     return {item.name: (num_worlds, *axes[item.name]) for item in fields(State)}
+
+
+def is_sound(values: Array, speeds: Array) -> Mask:
+    """Return (N,) whether a world's `values` (N, ...) are finite and its `speeds` (N, ...) those of physics.
+
+    See `guard_api.conventions.DIVERGED_SPEED`; NaN is no speed.
+    """
+    finite = np.isfinite(values).reshape(len(values), -1)
+    slow = (np.abs(speeds) <= DIVERGED_SPEED).reshape(len(speeds), -1)
+    return np.logical_and.reduce(finite, axis=1) & np.logical_and.reduce(slow, axis=1)
 
 
 def state_dtype(name: str) -> type:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from guard_api import rotations
-from guard_api.physics.state import Start
+from guard_api.physics.state import Start, is_sound
 from guard_api.scene.spec import SceneSpec
 from guard_bullet.compile import Instance
 from guard_bullet.engine import pybullet
@@ -18,8 +18,8 @@ Array = NDArray[np.float64]
 class Bodies:
     """Poses and velocities of B bodies in N worlds, world axes, at their centres of mass.
 
-    position, linear, angular: (N, B, 3); quaternion: (N, B, 4). finite: (N,) False once the engine's numbers of a world
-    were not; the arrays keep the last finite ones.
+    position, linear, angular: (N, B, 3); quaternion: (N, B, 4). sound: (N,) False once the engine's numbers of a world
+    were not; the arrays keep the last sound ones.
     """
 
     def __init__(self, scene: SceneSpec, num_worlds: int) -> None:
@@ -27,7 +27,7 @@ class Bodies:
         self.position, self.quaternion = np.zeros((num_worlds, count, 3)), np.zeros((num_worlds, count, 4))
         self.quaternion[..., 0] = 1.0
         self.linear, self.angular = np.zeros((num_worlds, count, 3)), np.zeros((num_worlds, count, 3))
-        self.finite = np.ones(num_worlds, bool)
+        self.sound = np.ones(num_worlds, bool)
         kinds = [body.physics for body in scene.bodies]
         self.dynamic = [i for i, kind in enumerate(kinds) if kind == "dynamic"]
         self.driven = [i for i, kind in enumerate(kinds) if kind == "driven"]
@@ -41,7 +41,7 @@ class Bodies:
         self.position[mask], self.quaternion[mask] = start.body_position[mask], start.body_quaternion[mask]
         self.linear[mask] = start.body_linear_velocity[mask]
         self.angular[mask] = start.body_angular_velocity[mask]
-        self.finite[mask] = True
+        self.sound[mask] = True
         for index, (position, quaternion) in self._targets.items():
             position[mask], quaternion[mask] = self.position[mask, index], self.quaternion[mask, index]
 
@@ -65,10 +65,10 @@ class Bodies:
                 linear, angular = pybullet.getBaseVelocity(body, client)
                 rows.append((*position, orientation[3], *orientation[:3], *linear, *angular))
         numbers = np.array(rows).reshape(len(worlds), len(self.dynamic), 13)
-        finite = np.isfinite(numbers).all(axis=(1, 2))
-        if not finite.all():
-            self.finite[np.asarray(worlds)[~finite]] = False
-            worlds, numbers = np.asarray(worlds)[finite].tolist(), numbers[finite]
+        sound = is_sound(numbers, numbers[..., 7:])
+        if not sound.all():
+            self.sound[np.asarray(worlds)[~sound]] = False
+            worlds, numbers = np.asarray(worlds)[sound].tolist(), numbers[sound]
         cell = np.ix_(worlds, self.dynamic)
         self.position[cell], self.linear[cell] = numbers[..., :3], numbers[..., 7:10]
         self.angular[cell] = numbers[..., 10:]

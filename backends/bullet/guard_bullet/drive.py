@@ -58,8 +58,8 @@ class RobotDrive:
     def advance(self, worlds: list[int], instances: list[Instance]) -> NDArray[np.bool_]:
         """Evaluate the law, let the engine make one substep in `worlds` and fetch what the law needs for the next.
 
-        instances: all N engine instances. Returns (N,) whether a world went on with finite numbers; one whose torques
-        are not is not stepped.
+        instances: all N engine instances. Returns (N,) whether a world went on with sound numbers; one whose torques
+        are not finite is not stepped.
         """
         motion = self.motion
         effort = self.law.joint_effort(self._geared, motion.q, motion.qd)
@@ -73,7 +73,7 @@ class RobotDrive:
             self._turn_wheels(worlds, instances, acceleration)
         self._step(worlds, instances, torque)
         self._read(worlds, instances)
-        return finite & motion.finite
+        return finite & motion.sound
 
     def write(self, world: int, instance: Instance) -> None:
         """Put world number `world` into its engine instance."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from guard_api import rotations
 from guard_api.model.robot import RobotModel
-from guard_api.physics.state import Start
+from guard_api.physics.state import Start, is_sound
 from guard_bullet.compile import Instance
 from guard_bullet.engine import pybullet
 from guard_bullet.robot import base_frame
@@ -25,7 +25,7 @@ class RobotMotion:
 
     q, qd: (N, J).
     base_position, base_linear, base_angular: (N, 3), base_quaternion: (N, 4) of the first link's frame, world axes.
-    finite: (N,) False once the engine's numbers of a world were not; the arrays keep the last finite ones.
+    sound: (N,) False once the engine's numbers of a world were not; the arrays keep the last sound ones.
     The engine speaks of the base's centre of mass and principal axes instead; only a floating base moves.
     """
 
@@ -35,7 +35,7 @@ class RobotMotion:
         self.base_position, self.base_quaternion = np.zeros((num_worlds, 3)), np.zeros((num_worlds, 4))
         self.base_quaternion[:, 0] = 1.0
         self.base_linear, self.base_angular = np.zeros((num_worlds, 3)), np.zeros((num_worlds, 3))
-        self.finite = np.ones(num_worlds, bool)
+        self.sound = np.ones(num_worlds, bool)
         self.floating = robot.floating
         base = robot.links[0]
         self._com = np.array(base.com) if robot.floating else np.zeros(3)
@@ -48,7 +48,7 @@ class RobotMotion:
         self.base_position[mask], self.base_quaternion[mask] = start.base_position[mask], start.base_quaternion[mask]
         self.base_linear[mask] = start.base_linear_velocity[mask]
         self.base_angular[mask] = start.base_angular_velocity[mask]
-        self.finite[mask] = True
+        self.sound[mask] = True
 
     def write(self, world: int, instance: Instance) -> None:
         """Put world number `world` into its engine instance."""
@@ -71,7 +71,7 @@ class RobotMotion:
             instance = instances[world]
             rows.append([state[:2] for state in read(instance.robot, instance.joints, instance.client)])
         joints = np.array(rows).reshape(len(worlds), self.q.shape[1], -1)
-        worlds, joints = self._only_finite(worlds, joints)
+        worlds, joints = self._only_sound(worlds, joints, joints[:, :, 1])
         self.q[worlds], self.qd[worlds] = joints[:, :, 0], joints[:, :, 1]
 
     def read_base(self, worlds: list[int], instances: list[Instance]) -> None:
@@ -84,7 +84,8 @@ class RobotMotion:
             position, orientation = pybullet.getBasePositionAndOrientation(body, client)
             linear, angular = pybullet.getBaseVelocity(body, client)
             rows.append((*position, orientation[3], *orientation[:3], *linear, *angular))
-        worlds, numbers = self._only_finite(worlds, np.array(rows).reshape(-1, 13))
+        numbers = np.array(rows).reshape(-1, 13)
+        worlds, numbers = self._only_sound(worlds, numbers, numbers[:, 7:])
         quaternion = rotations.multiply(numbers[:, 3:7], self._from_axes)
         arm = rotations.rotate(quaternion, self._com)
         angular = numbers[:, 10:13]
@@ -104,15 +105,15 @@ class RobotMotion:
     def only(self, world: int) -> RobotMotion:
         """Return a copy that holds nothing but world number `world`."""
         one = copy(self)
-        for name in (*FIELDS, "finite"):
+        for name in (*FIELDS, "sound"):
             setattr(one, name, getattr(self, name)[world : world + 1].copy())
         return one
 
-    def _only_finite(self, worlds: list[int], numbers: Array) -> tuple[list[int], Array]:
-        """Return those of `worlds` whose rows of `numbers` are finite, and these rows."""
-        finite = np.isfinite(numbers).all(axis=tuple(range(1, numbers.ndim)))
-        if finite.all():
+    def _only_sound(self, worlds: list[int], numbers: Array, speeds: Array) -> tuple[list[int], Array]:
+        """Return those of `worlds` whose rows of `numbers`, with `speeds` among them, are sound, and these rows."""
+        sound = is_sound(numbers, speeds)
+        if sound.all():
             return worlds, numbers
         kept = np.asarray(worlds)
-        self.finite[kept[~finite]] = False
-        return kept[finite].tolist(), numbers[finite]
+        self.sound[kept[~sound]] = False
+        return kept[sound].tolist(), numbers[sound]

@@ -72,8 +72,8 @@ class BulletWorld:
         self._bodies.read(worlds, self._instances)
         if self._drive:
             self._drive.motion.read_base(worlds, self._instances)
-            self._ok &= self._drive.motion.finite
-        self._ok &= self._bodies.finite
+            self._ok &= self._drive.motion.sound
+        self._ok &= self._bodies.sound
 
     def step_raw(self, substeps: int) -> None:
         """Advance by `substeps` under the last control, with the actuation law and nothing else."""

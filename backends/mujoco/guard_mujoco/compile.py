@@ -58,6 +58,14 @@ class CompiledScene:
     contact: ContactReadout
 
     @property
+    def own_dofs(self) -> NDArray[np.bool_]:
+        """Places in qvel (nv,) of what moves by itself: all but driven bodies."""
+        own = np.ones(self.model.nv, bool)
+        for dof in self.free_dof[self.driven]:
+            own[dof : dof + 6] = False
+        return own
+
+    @property
     def approximations(self) -> tuple[str, ...]:
         """What of the scene MuJoCo does not express exactly."""
         robot = self.scene.robot
@@ -178,9 +186,7 @@ def _scale_solver(model: mujoco.MjModel, compiled: CompiledScene) -> None:
 
     With them it would stop before it has converged for anything else.
     """
-    own = np.ones(model.nv, bool)
-    for dof in compiled.free_dof[compiled.driven]:
-        own[dof : dof + 6] = False
+    own = compiled.own_dofs
     if own.any():
         model.stat.meaninertia = model.dof_M0[own].mean()
 

@@ -12,9 +12,10 @@ import numpy as np
 from mujoco.batch import Batch, SimulationError
 from numpy.typing import NDArray
 
+from guard_api.conventions import DIVERGED_SPEED
 from guard_api.errors import BackendError
 from guard_api.model.kinematics import Rows, rows_of
-from guard_api.physics.state import Array, Inspection, Mask, Start, State
+from guard_api.physics.state import Array, Inspection, Mask, Start, State, is_sound
 from guard_mujoco.ceilings import Ceilings
 from guard_mujoco.compile import CompiledScene
 from guard_mujoco.diagnostics import redirect_warnings
@@ -200,15 +201,17 @@ class MuJoCoWorld:
                 summary[failed] = 0
 
     def _newly_failed(self, rows: Rows) -> NDArray[np.intp]:
-        """Return which of the worlds just stepped raised an error or a warning, or hold a number that is not finite."""
+        """Return which of the worlds just stepped raised an error or a warning, or hold numbers that are not sound."""
         batch = self._batch
-        # Nearly always nothing is wrong, and three sums over everything say so.
-        if self._ok[rows].all() and not batch.warning.any() and np.isfinite(batch.state.sum()):
+        # Nearly always nothing is wrong, and what all worlds have together says so.
+        slow = np.abs(self._qvel).max(initial=0.0) <= DIVERGED_SPEED
+        if slow and self._ok[rows].all() and not batch.warning.any() and np.isfinite(batch.state.sum()):
             return np.empty(0, np.intp)
         stepped = np.zeros(self.num_worlds, bool)
         stepped[rows] = True
         # Each of the engine's warnings means that it left out or invented something.
-        sound = self._ok & ~batch.warning[:, :, _COUNT].any(axis=1) & np.isfinite(batch.state).all(axis=1)
+        warned = batch.warning[:, :, _COUNT].any(axis=1)
+        sound = self._ok & ~warned & is_sound(batch.state, self._qvel[:, self._compiled.own_dofs])
         return np.flatnonzero(stepped & ~sound)
 
     def _everything(self) -> list[NDArray]:

@@ -26,6 +26,7 @@ class PackedLayout:
 
     def __init__(self, spec: SceneSpec) -> None:
         self.moving = [i for i, body in enumerate(spec.bodies) if body.physics != "static"]
+        self._dynamic = [k for k, i in enumerate(self.moving) if spec.bodies[i].physics == "dynamic"]
         self.num_joints = len(spec.robot.joints) if spec.robot else 0
         self._root = RIGID * len(self.moving)
         self._joints = self._root + RIGID
@@ -44,6 +45,11 @@ class PackedLayout:
     def bodies(self, packed: Array) -> Array:
         """Return the rigid rows of the moving bodies: (N, M, 13)."""
         return packed[:, : self._root].reshape(len(packed), len(self.moving), RIGID)
+
+    def speeds(self, packed: Array) -> Array:
+        """Return the velocities of the dynamic bodies, the root and the joints: (N, ...)."""
+        rows = self.bodies(packed)[:, self._dynamic, 7:].reshape(len(packed), -1)
+        return np.concatenate([rows, self.root(packed)[:, 7:], self.joints(packed)[1]], axis=1)
 
     def root(self, packed: Array) -> Array:
         """Return the rigid row of the articulation's first link: (N, 13)."""

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from guard_api import rotations
 from guard_api.errors import BackendError
 from guard_api.model.kinematics import Kinematics
-from guard_api.physics.state import Array, Inspection, Mask, Start, State
+from guard_api.physics.state import Array, Inspection, Mask, Start, State, is_sound
 from guard_api.scene.spec import SceneSpec
 from guard_sapien import contacts
 from guard_sapien.compile import check, cylinder_notes
@@ -62,13 +62,14 @@ class SapienWorld:
         record = self._record
         if control.shape != record.control.shape or substeps < 1:
             raise BackendError(f"step(control {control.shape}, {substeps}): control must be {record.control.shape}")
-        self._stop(_lost(control))
+        self._stop(np.logical_or.reduce(~np.isfinite(control), axis=1))
         worlds = np.flatnonzero(record.ok)
         record.control[worlds] = control[worlds]
         record.impulse[worlds], record.touched[worlds] = 0.0, False
         record.last_substeps[worlds] = substeps
         self._advance(worlds.tolist(), substeps, read_contacts=True)
-        self._stop(_lost(self._fleet.read()))
+        packed = self._fleet.read()
+        self._stop(~is_sound(packed, self._fleet.layout.speeds(packed)))
 
     def step_raw(self, substeps: int) -> None:
         """Run law and engine under the last control, reading nothing that the law does not need."""
@@ -192,11 +193,6 @@ class SapienWorld:
             quaternion[:, moving], position[:, moving] = unit(rows[..., :4]), rows[..., 4:7]
             linear[:, moving], angular[:, moving] = rows[..., 7:10], rows[..., 10:13]
         return position, quaternion, linear, angular
-
-
-def _lost(rows: NDArray[np.floating]) -> Mask:
-    """Return whether any number of each row is not finite: (N,)."""
-    return np.logical_or.reduce(~np.isfinite(rows), axis=1)
 
 
 def unit(quaternion: Array) -> Array:

@@ -15,11 +15,14 @@ Array = NDArray[np.float64]
 
 
 class FreeBodies:
-    """The motion of the bodies of `scene`, from arrays named as in `State` and with the same shapes."""
+    """The motion of the bodies of `scene`, from arrays named as in `State` and with the same shapes.
+
+    dynamic: (B, 1) which bodies fall.
+    """
 
     def __init__(self, scene: SceneSpec) -> None:
         kinds = np.array([body.physics for body in scene.bodies], dtype="U7")[:, None]
-        self._dynamic, self._driven = kinds == "dynamic", kinds == "driven"
+        self.dynamic, self._driven = kinds == "dynamic", kinds == "driven"
         self._timestep, self._gravity = scene.timestep, np.array(scene.gravity)
         self._inertia = np.array([_inertia(body) for body in scene.bodies]).reshape(-1, 3, 3)
         self._inverse = np.linalg.inv(self._inertia)
@@ -39,7 +42,7 @@ class FreeBodies:
             "body_linear_velocity": linear,
             "body_angular_velocity": rotations.rotate(quaternion, spin),
         }
-        return {name: np.where(self._dynamic, array, now[name]) for name, array in fallen.items()}
+        return {name: np.where(self.dynamic, array, now[name]) for name, array in fallen.items()}
 
     def drive(self, now: Mapping[str, Array], before: Mapping[str, Array], duration: float) -> dict[str, Array]:
         """Return driven bodies at their targets, with the constant velocity that took them there from `before`."""

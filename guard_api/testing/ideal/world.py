@@ -20,7 +20,7 @@ from guard_api.model.dynamics import Dynamics
 from guard_api.model.robot import RobotModel
 from guard_api.physics.actuation import ActuationLaw
 from guard_api.physics.backend import Capabilities
-from guard_api.physics.state import Inspection, Mask, Start, State, state_shapes
+from guard_api.physics.state import Inspection, Mask, Start, State, is_sound, state_shapes
 from guard_api.scene.spec import SceneSpec
 from guard_api.scene.start import home_start
 from guard_api.testing.ideal.bodies import FreeBodies, turned
@@ -98,8 +98,9 @@ class IdealWorld:
             if self._bodies:
                 now |= self._bodies.drive(now, self._data, substeps * self.scene.timestep)
         now["time"] = now["time"] + substeps * self.scene.timestep
-        finite = [np.isfinite(array).reshape(self.num_worlds, -1).all(axis=1) for array in now.values()]
-        now["ok"] = self._data["ok"] & np.logical_and.reduce(finite)
+        sound = [is_sound(array, array[:, :0]) if array.ndim > 1 else np.isfinite(array) for array in now.values()]
+        sound += [is_sound(speeds, speeds) for speeds in self._speeds(now)]
+        now["ok"] = self._data["ok"] & np.logical_and.reduce(sound)
         self._data = _merge(now["ok"], now, self._data) | {"ok": now["ok"]}
 
     def drive(self, group: str, position: Array, quaternion: Array) -> None:
@@ -187,6 +188,13 @@ class IdealWorld:
             moved["base_position"] = now["base_position"] + h * linear
             moved["base_quaternion"] = turned(now["base_quaternion"], h * angular)
         return moved
+
+    def _speeds(self, now: Data) -> list[Array]:
+        """Return the velocities (N, ...) of everything that the physics moves."""
+        if not self._bodies:
+            return [now[name] for name in _VELOCITY]
+        bodies = [np.where(self._bodies.dynamic, now[f"body_{kind}_velocity"], 0.0) for kind in ("linear", "angular")]
+        return [now[name] for name in _VELOCITY] + bodies
 
     def _thrust_heights(self) -> Array | None:
         """Return the present heights (N, T) of the thrust links' origins if the law asks for them."""
