@@ -13,6 +13,7 @@ from typing import Any, Final, Literal, cast, get_args, get_type_hints
 from guard_api import plugins
 from guard_api.constraints import CONSTRAINTS, Constraint
 from guard_api.errors import SpecError, unknown_name
+from guard_api.scene.checks import check_extents, check_groups
 from guard_api.scene.spec import BodyGroup, ContactPreset, Placement
 from guard_api.tasks import TASKS, Task
 
@@ -45,21 +46,15 @@ class EnvSpec:
 
     def __post_init__(self) -> None:
         """Refuse what means nothing: one SpecError that names the field."""
-        groups = self.groups
-        names = [group.name for group in groups]
-        for name in names:
-            if names.count(name) > 1:
-                raise SpecError(f"environment {self.name!r}: two parts place {name!r}: each may appear once")
-        for group in groups:
-            if group.count < 0:
-                raise SpecError(f"environment {self.name!r}: {group.count} {group.name}: must not be negative")
+        try:
+            check_groups(self.groups, self.robot_placement)
+            check_extents(self.extents)
+        except SpecError as error:
+            raise SpecError(f"environment {self.name!r}: {error}") from None
         if type(self.episode_length) is not int or self.episode_length < 1:
             raise SpecError(f"environment {self.name!r}: episode_length is {self.episode_length!r}: at least 1")
         if self.preset not in get_args(ContactPreset):
             raise unknown_name("contact preset", self.preset, get_args(ContactPreset))
-        xmin, ymin, xmax, ymax = self.extents
-        if not (xmin < xmax and ymin < ymax):
-            raise SpecError(f"environment {self.name!r}: extents {self.extents} are not (xmin, ymin, xmax, ymax)")
 
     @property
     def terms(self) -> tuple[Task | Constraint, ...]:

@@ -6,6 +6,7 @@ Several constraints follow each other, as in Goal_Point_8Hazards_2Vases. The num
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable
 from functools import cache
@@ -33,6 +34,9 @@ HEIGHTS: Final = (0.5, 1.5)
 _NEEDS: Final = {"Button": "Buttons"}
 """Tasks about objects that a constraint places -> that constraint."""
 
+_ROOM: Final = {"Walls": 4}
+"""Constraints of which eight find no room -> how many are listed."""
+
 _STRIDE: Final = 0.001
 """How far movers go in one environment step [m]; targets flee ten times as fast."""
 
@@ -47,7 +51,7 @@ def suite_names() -> list[str]:
 
 
 def known_names() -> list[str]:
-    """Return a name for every task, robot and constraint, eight objects each, and Safety Gym's levels.
+    """Return a name for every task, robot and constraint, eight objects each but four walls, and Safety Gym's levels.
 
     Any other number of objects is a name as well, and so are several constraints.
     """
@@ -75,7 +79,7 @@ def make_spec(name: str) -> EnvSpec:
     except SpecError as error:
         raise SpecError(f"environment {name!r}: {error}") from error
     robot = robots[key]
-    standing = _of(robot).base == "fixed"
+    standing = math.isfinite(_of(robot).reach)
     return EnvSpec(
         name=_name(task, robot, counts),
         robot=robot,
@@ -147,7 +151,7 @@ def _of(robot: str) -> RobotModel:
 
 def _names(tasks: tuple[str, ...], robots: list[str], constraints: tuple[str, ...]) -> list[str]:
     return [
-        _name(task, robot, [(SUITE_COUNT, constraint)])
+        _name(task, robot, [(_ROOM.get(constraint, SUITE_COUNT), constraint)])
         for task in tasks
         for robot in robots
         for constraint in constraints

@@ -42,7 +42,7 @@ def test_any_change_changes_the_fingerprint() -> None:
         ({"task": {"type": "Goal", "siez": 1}}, "siez"),
         ({"constraints": [{"type": "Hazard", "count": 8}]}, "did you mean Hazards"),
         ({"constraints": [{"type": "Hazards", "count": 8}] * 2}, "two parts place 'hazards'"),
-        ({"constraints": [{"type": "Hazards", "count": -1}]}, "-1 hazards"),
+        ({"constraints": [{"type": "Hazards", "count": -1}]}, "hazards: count is -1"),
         ({"episode_length": 0}, "episode_length is 0"),
         ({"episode_length": "abc"}, "episode_length is 'abc'"),
         ({"preset": "bogus"}, "contact preset 'bogus'"),
