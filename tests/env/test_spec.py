@@ -60,3 +60,30 @@ def test_a_name_has_one_spelling() -> None:
     spec = make_spec("Goal_Point_8Hazards")
     for other in ("Goal_point_8Hazards", "Goal_Point_08Hazards"):
         assert make_spec(other) == spec
+
+
+@pytest.mark.parametrize(
+    ("part", "message"),
+    [
+        ({"robot_placement": {"clearance": 1.0}}, "robot_placement.clearance: says nothing"),
+        ({"robot_placement": {"locations": [[0, 0], [1, 1]]}}, "robot_placement.locations: 2 of them for 1"),
+        ({"robot_placement": {"rectangles": [[0, 0, -1, 1]]}}, r"robot_placement.rectangles: \(0, 0, -1, 1\) is not"),
+        ({"robot_placement": {"radius": [2, 1]}}, r"robot_placement.radius: \(2, 1\) is not"),
+        ({"task": {"type": "Goal", "heights": [1.5, 0.5]}}, r"goal: heights: \(1.5, 0.5\) is not"),
+        ({"task": {"type": "Goal", "reach": -1.0}}, "goal: distance: -1.0"),
+        ({"task": {"type": "Button"}}, "goal: onto: nothing places 'buttons': add the constraint Buttons"),
+        (
+            {"task": {"type": "Button"}, "constraints": [{"type": "Buttons", "count": 0}]},
+            "goal: onto: 0 buttons are too few",
+        ),
+        ({"constraints": [{"type": "Walls", "count": 1, "locations": [[0, 0], [1, 1]]}]}, "walls: locations: 2 of them"),
+        ({"constraints": [{"type": "Walls", "count": 1, "locations": [[0]]}]}, r"walls: locations: \(0,\) is not"),
+        ({"constraints": [{"type": "Hazards", "count": 8.0}]}, "hazards: count is 8.0"),
+        ({"extents": [0, 0, 1]}, r"extents: \(0.0, 0.0, 1.0\) are not"),
+    ],
+)
+def test_placements_that_mean_nothing_are_refused_by_field(part: dict, message: str) -> None:
+    data = {**make_spec("Goal_Point_8Hazards").to_json(), **part}
+    with pytest.raises(SpecError, match=message) as caught:
+        EnvSpec.from_json(data)
+    assert "environment 'Goal_Point_8Hazards'" in str(caught.value)
