@@ -78,8 +78,12 @@ class Window:
 
     def sum(self, columns: Columns) -> Array:
         """Return the sums over the samples (n, S), added in order of time whatever the number of worlds."""
-        values = self.read(columns)
-        total = values[:, 0].copy()
-        for sample in range(1, values.shape[1]):
-            total += values[:, sample]
-        return total
+        return sum_in_order(self.read(columns))
+
+
+def sum_in_order(values: Array) -> Array:
+    """Return the sum of `values` (n, k, ...) over k, first to last; numpy picks its order by the layout, so by n."""
+    total = values[:, 0].copy()
+    for sample in range(1, values.shape[1]):
+        total += values[:, sample]
+    return total

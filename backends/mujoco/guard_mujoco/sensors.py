@@ -21,7 +21,7 @@ from guard_api.model.robot import RobotModel, Sensor
 from guard_api.physics.touch import TouchSensors, counts
 from guard_api.scene.spec import SceneSpec
 from guard_mujoco.contact import Role, Surface
-from guard_mujoco.history import Columns, Window, columns_of
+from guard_mujoco.history import Columns, Window, columns_of, sum_in_order
 from guard_mujoco.robot import link_body, neighbours
 
 Array = NDArray[np.float64]
@@ -222,7 +222,7 @@ def _counted(window: Window, own: OwnContacts) -> Array:
         point, normal = window.read(own.point).reshape(triples), window.read(own.normal).reshape(triples)
         place = window.read(own.place)[:, :, None]
         force = np.where(counts(point, normal, place, own.radius), force, 0.0)
-    return force.sum(axis=(1, 2))
+    return sum_in_order(sum_in_order(force))
 
 
 def _self_touching(robot: RobotModel) -> list[str]:
