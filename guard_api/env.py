@@ -257,8 +257,9 @@ class Environment:
 def make_environment(
     env: str | EnvSpec, *, backend: str, num_worlds: int = 1, seed: int = 0, workers: int | None = None
 ) -> Environment:
-    """Build the environment named or specified by `env` on the backend named `backend`.
+    """Build the environment that `env` names, or that the TOML file at the path `env` or an `EnvSpec` specifies.
 
+    backend: name of the simulator.
     workers: threads or processes that step the worlds; None lets GUARD choose. It changes no number.
     Raises SpecError, PluginError or BackendError, each with one line that says what to do.
     """

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Literal, TypeAlias
 
@@ -16,7 +18,7 @@ _EXTRA_OF = {"mujoco": "mujoco", "pybullet": "bullet", "sapien": "sapien", "torc
 
 def names(group: Group) -> list[str]:
     """Return the sorted names of the installed plugins of `group`, importing none of them."""
-    return sorted({entry.name for entry in entry_points(group=group)})
+    return sorted({entry.name for entry in _installed(group, tuple(sys.path))})
 
 
 def load(group: Group, name: str) -> Any:
@@ -47,8 +49,14 @@ def available(group: Group) -> dict[str, str | None]:
     return result
 
 
+@cache
+def _installed(group: Group, path: tuple[str, ...]) -> tuple[EntryPoint, ...]:
+    """Return the entry points of `group`; a search reads the metadata of every package, so it is done once per path."""
+    return tuple(entry_points(group=group))
+
+
 def _find(group: Group, name: str) -> EntryPoint:
-    for entry in entry_points(group=group):
+    for entry in _installed(group, tuple(sys.path)):
         if entry.name == name:
             return entry
     raise unknown_name(group.removeprefix("guard.").removesuffix("s"), name, names(group))

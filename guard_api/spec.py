@@ -5,10 +5,10 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final, Literal, cast, get_args, get_type_hints
+from functools import partial
+from typing import Any, Literal, get_args
 
 from guard_api import plugins
 from guard_api.constraints import CONSTRAINTS, Constraint
@@ -16,9 +16,7 @@ from guard_api.errors import SpecError, unknown_name
 from guard_api.scene.checks import check_extents, check_groups
 from guard_api.scene.spec import BodyGroup, ContactPreset, Placement
 from guard_api.tasks import TASKS, Task
-
-_UNLIMITED: Final = "unlimited"
-"""What stands for infinity in JSON."""
+from guard_api.typed import Reader, plain
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,27 +71,23 @@ class EnvSpec:
         for part in ("constraints", "scenery"):
             data[part] = [_term_to_json(constraint) for constraint in getattr(self, part)]
         data["robot_placement"] = dataclasses.asdict(self.robot_placement)
-        return _strict(data)
+        return plain(data)
 
     @classmethod
-    def from_json(cls, data: Mapping[str, Any]) -> EnvSpec:
-        """Read a specification written by `to_json`. Raises SpecError naming the field that is wrong."""
-        known = {field.name for field in dataclasses.fields(cls)}
-        for key in data:
-            if key not in known:
-                raise unknown_name("field of an environment spec", key, known)
+    def from_json(cls, data: Mapping[str, Any], source: str | None = None) -> EnvSpec:
+        """Read a specification written by `to_json`, in which everything that has a default may be missing.
+
+        source: the file it comes from, for errors. Raises SpecError with every fault, one per line, by key.
+        """
+        reader = Reader({Task: partial(term_type, "task"), Constraint: partial(term_type, "constraint")})
         try:
-            values = dict(data)
-            values["task"] = _term_from_json("task", data["task"])
-            for part, terms in (("constraints", data["constraints"]), ("scenery", data.get("scenery", ()))):
-                values[part] = tuple(_term_from_json("constraint", term) for term in terms)
-            values["extents"] = tuple(float(x) for x in data.get("extents", (-2.0, -2.0, 2.0, 2.0)))
-            values["robot_placement"] = _dataclass_from_json(Placement, data.get("robot_placement", {}))
-            return cls(**values)
-        except (KeyError, TypeError, ValueError) as error:
-            raise SpecError(
-                f"environment spec {data.get('name', '?')!r}: missing or malformed field: {error}"
-            ) from error
+            spec = reader.read(cls, data)
+        except SpecError as error:  # Everything can be read, but not all of it means something.
+            raise SpecError(f"{source}: {error}" if source else str(error)) from error
+        if spec is None:
+            place = source or f"environment spec {data.get('name', '?')!r}"
+            raise SpecError("\n".join(f"{place}: {fault}" for fault in reader.faults))
+        return spec
 
     @property
     def fingerprint(self) -> str:
@@ -118,36 +112,3 @@ def term_type(kind: Literal["task", "constraint"], name: str) -> Any:
 
 def _term_to_json(term: Any) -> dict[str, Any]:
     return {"type": type(term).__name__, **dataclasses.asdict(term)}
-
-
-def _term_from_json(kind: Literal["task", "constraint"], data: Mapping[str, Any]) -> Any:
-    values = dict(data)
-    return _dataclass_from_json(term_type(kind, values.pop("type")), values)
-
-
-def _dataclass_from_json(kind: type, data: Mapping[str, Any]) -> Any:
-    """Rebuild a dataclass from what `dataclasses.asdict` and JSON made of it: lists were tuples."""
-    types = get_type_hints(kind)
-    values = {}
-    for key, value in data.items():
-        nested = [kind for kind in (types.get(key), *get_args(types.get(key))) if dataclasses.is_dataclass(kind)]
-        if isinstance(value, Mapping) and nested:
-            values[key] = _dataclass_from_json(cast(type, nested[0]), value)
-        else:
-            values[key] = _as_tuple(value)
-    return kind(**values)
-
-
-def _as_tuple(value: Any) -> Any:
-    if value == _UNLIMITED:
-        return math.inf
-    return tuple(_as_tuple(item) for item in value) if isinstance(value, list | tuple) else value
-
-
-def _strict(value: Any) -> Any:
-    """Return JSON data without the infinities that JSON does not have, and with lists for tuples."""
-    if isinstance(value, Mapping):
-        return {key: _strict(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_strict(item) for item in value]
-    return _UNLIMITED if value == math.inf else value

@@ -10,6 +10,7 @@ import math
 import re
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 from typing import Any, Final
 
 from guard_api.constraints import CONSTRAINTS
@@ -20,6 +21,7 @@ from guard_api.safety_gym import level_names, make_level
 from guard_api.scene.spec import Placement
 from guard_api.sensors.lidar import Lidar
 from guard_api.spec import EnvSpec, term_type
+from guard_api.specfile import is_spec_file, read_spec
 from guard_api.tasks import TASKS, Task
 from guard_api.tasks.targets import Targets
 
@@ -59,10 +61,13 @@ def known_names() -> list[str]:
 
 
 def make_spec(name: str) -> EnvSpec:
-    """Return the specification that `name` stands for.
+    """Return the specification that `name` stands for, or that the TOML file at the path `name` holds.
 
-    Raises SpecError for a name outside the grammar or with an unknown task, robot or constraint (nearest names given).
+    Raises SpecError for a name outside the grammar or with an unknown task, robot or constraint (nearest names given),
+    or with every problem of the file.
     """
+    if is_spec_file(name):
+        return read_spec(Path(name))
     level = make_level(name)
     if level is not None:
         return level

@@ -24,12 +24,12 @@ LAYERS = [
     {"cli"},
     {"measure", "gym", "viewer"},
     {"env"},
-    {"suite", "safety_gym", "runs", "algorithm", "testing"},
+    {"suite", "safety_gym", "specfile", "runs", "algorithm", "testing"},
     {"spec"},
     {"tasks", "constraints"},
     {"sensors"},
     {"scene", "model", "physics", "plugins"},
-    {"rotations", "shapes", "conventions", "errors"},
+    {"rotations", "shapes", "conventions", "typed", "errors"},
 ]
 
 

@@ -20,7 +20,7 @@ class Options:
     """What to measure, and how long."""
 
     env: str = "Goal_Point_8Hazards"
-    """Environment."""
+    """Environment, or a TOML file that specifies one."""
     backend: str = "mujoco"
     """Simulator."""
     num_worlds: int = 64

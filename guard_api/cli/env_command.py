@@ -20,7 +20,7 @@ class Options:
     """Which environments to show, and how."""
 
     envs: Annotated[tuple[str, ...], tyro.conf.Positional]
-    """Environments, such as Goal_Point_8Hazards."""
+    """Environments, such as Goal_Point_8Hazards, or TOML files that specify one."""
     seed: int = 0
     """Seed of the layout in the picture."""
     out: Path | None = None

@@ -12,8 +12,10 @@ from guard_api import plugins
 from guard_api.cli.options import parse
 from guard_api.cli.output import print_json, print_table
 from guard_api.constraints import CONSTRAINTS
+from guard_api.errors import SpecError, unknown_name
 from guard_api.model.library import load_robot, robot_names
-from guard_api.suite import known_names, make_spec
+from guard_api.spec import EnvSpec
+from guard_api.suite import known_names, make_spec, suite_names
 from guard_api.tasks import TASKS
 
 Kind = Literal["envs", "robots", "tasks", "constraints", "algos", "backends"]
@@ -21,18 +23,31 @@ Kind = Literal["envs", "robots", "tasks", "constraints", "algos", "backends"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options:
-    """What to list, and how."""
+    """What to list, and how. The last four choose among environments."""
 
     kind: Annotated[Kind, tyro.conf.Positional] = "envs"
     """What to list."""
     json: bool = False
     """Print JSON instead of a table."""
+    suite: bool = False
+    """Only GUARD's suite: four tasks, nine robots, eight hazards or ghosts."""
+    task: str | None = None
+    """Only environments of this task, such as Goal."""
+    robot: str | None = None
+    """Only environments of this robot, such as ant."""
+    constraint: str | None = None
+    """Only environments with this constraint, such as Ghosts."""
 
 
 def main(argv: Sequence[str]) -> int:
     """Run the command."""
     options = parse(Options, "list", argv, "Show what there is to use.")
-    rows = _LISTINGS[options.kind]()
+    if options.kind == "envs":
+        rows = _environments(options)
+    elif options.suite or options.task or options.robot or options.constraint:
+        raise SpecError("--suite, --task, --robot and --constraint choose among environments: use them with 'envs'")
+    else:
+        rows = _LISTINGS[options.kind]()
     if options.json:
         print_json(rows)
     else:
@@ -41,14 +56,39 @@ def main(argv: Sequence[str]) -> int:
     return 0
 
 
-def _envs() -> list[dict[str, Any]]:
-    rows = []
-    for name in known_names():
-        spec = make_spec(name)
-        constraints = " ".join(constraint.name for constraint in spec.constraints)
-        task = type(spec.task).__name__
-        rows.append({"name": name, "robot": spec.robot, "task": task, "constraints": constraints})
-    return rows
+def _environments(options: Options) -> list[dict[str, Any]]:
+    """Return the environments asked for. Raises SpecError for an unknown name, or when there is none of that kind."""
+    robot = None if options.robot is None else options.robot.lower()
+    asked = [
+        ("task", options.task, plugins.names("guard.tasks"), TASKS),
+        ("robot", robot, (), robot_names()),
+        ("constraint", options.constraint, plugins.names("guard.constraints"), CONSTRAINTS),
+    ]
+    for kind, name, installed, own in asked:
+        if name is not None and name not in (*own, *installed):
+            raise unknown_name(kind, name, (*own, *installed))
+    specs = [make_spec(name) for name in (suite_names() if options.suite else known_names())]
+    chosen = [spec for spec in specs if _fits(spec, options.task, robot, options.constraint)]
+    if not chosen:
+        raise SpecError("no listed environment fits: leave one of --suite, --task, --robot and --constraint out")
+    return [
+        {
+            "name": spec.name,
+            "robot": spec.robot,
+            "task": type(spec.task).__name__,
+            "constraints": " ".join(constraint.name for constraint in spec.constraints),
+        }
+        for spec in chosen
+    ]
+
+
+def _fits(spec: EnvSpec, task: str | None, robot: str | None, constraint: str | None) -> bool:
+    constraints = [type(term).__name__ for term in spec.constraints]
+    return (
+        task in (None, type(spec.task).__name__)
+        and robot in (None, spec.robot)
+        and (constraint is None or constraint in constraints)
+    )
 
 
 def _robots() -> list[dict[str, Any]]:
@@ -71,7 +111,6 @@ def _plugins(group: plugins.Group) -> list[dict[str, Any]]:
 
 
 _LISTINGS: Final[dict[str, Callable[[], list[dict[str, Any]]]]] = {
-    "envs": _envs,
     "robots": _robots,
     "tasks": lambda: _terms(TASKS),
     "constraints": lambda: _terms(CONSTRAINTS),

@@ -32,7 +32,7 @@ class Options(Generic[Config]):
     """What to train, where and for how long; the algorithm's own options follow."""
 
     env: str
-    """Environment, such as Goal_Point_8Hazards (`guard list envs`)."""
+    """Environment, such as Goal_Point_8Hazards (`guard list envs`), or a TOML file that specifies one."""
     out: Path
     """Run directory to make, or to continue with --resume."""
     algo: str = "trpo"

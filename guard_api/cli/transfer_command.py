@@ -28,7 +28,7 @@ class Options(Generic[Config]):
     """The experiment; the algorithm's own options follow. The same command continues after an interruption."""
 
     env: str
-    """Environment, such as Goal_Point_8Hazards (`guard list envs`)."""
+    """Environment, such as Goal_Point_8Hazards (`guard list envs`), or a TOML file that specifies one."""
     out: Path
     """Directory for everything: runs, cells, transfer.json, matrix.png, report.html."""
     algo: str = "cpo"

@@ -9,6 +9,7 @@ import pytest
 
 from guard_api.constraints import Hazards
 from guard_api.errors import SpecError
+from guard_api.scene.spec import Placement
 from guard_api.spec import EnvSpec
 from guard_api.suite import known_names, make_spec
 from guard_api.tasks import Goal
@@ -44,10 +45,16 @@ def test_any_change_changes_the_fingerprint() -> None:
         ({"constraints": [{"type": "Hazards", "count": 8}] * 2}, "two parts place 'hazards'"),
         ({"constraints": [{"type": "Hazards", "count": -1}]}, "hazards: count is -1"),
         ({"episode_length": 0}, "episode_length is 0"),
-        ({"episode_length": "abc"}, "episode_length is 'abc'"),
-        ({"preset": "bogus"}, "contact preset 'bogus'"),
+        ({"episode_length": "abc"}, "episode_length: 'abc' is not a whole number"),
+        ({"preset": "bogus"}, "preset: unknown value 'bogus'"),
         ({"extents": [2, 2, -2, -2]}, "extents"),
-        ({"task": "Goal"}, "malformed"),
+        ({"task": "Goal"}, "task: 'Goal' is not a table"),
+        ({"task": {"type": "Goal", "size": "big"}}, "task.size: 'big' is not a number"),
+        ({"task": {"type": "Goal", "size": True}}, "task.size: True is not a number"),
+        ({"graded": 1}, "graded: 1 is not true or false"),
+        ({"constraints": [{"type": "Hazards"}]}, r"constraints\[0\].count: is missing"),
+        ({"constraints": [{"type": "Hazards", "count": 1, "lidar": {"bin": 3}}]}, "did you mean bins"),
+        ({"constraints": {"type": "Hazards"}}, "constraints: .* is not a list"),
     ],
 )
 def test_malformed_specs_are_refused_by_field(change: dict, message: str) -> None:
@@ -67,8 +74,11 @@ def test_a_name_has_one_spelling() -> None:
     [
         ({"robot_placement": {"clearance": 1.0}}, "robot_placement.clearance: says nothing"),
         ({"robot_placement": {"locations": [[0, 0], [1, 1]]}}, "robot_placement.locations: 2 of them for 1"),
-        ({"robot_placement": {"rectangles": [[0, 0, -1, 1]]}}, r"robot_placement.rectangles: \(0, 0, -1, 1\) is not"),
-        ({"robot_placement": {"radius": [2, 1]}}, r"robot_placement.radius: \(2, 1\) is not"),
+        (
+            {"robot_placement": {"rectangles": [[0, 0, -1, 1]]}},
+            r"robot_placement.rectangles: \(0.0, 0.0, -1.0, 1.0\) is not",
+        ),
+        ({"robot_placement": {"radius": [2, 1]}}, r"robot_placement.radius: \(2.0, 1.0\) is not"),
         ({"task": {"type": "Goal", "heights": [1.5, 0.5]}}, r"goal: heights: \(1.5, 0.5\) is not"),
         ({"task": {"type": "Goal", "reach": -1.0}}, "goal: distance: -1.0"),
         ({"task": {"type": "Button"}}, "goal: onto: nothing places 'buttons': add the constraint Buttons"),
@@ -76,14 +86,36 @@ def test_a_name_has_one_spelling() -> None:
             {"task": {"type": "Button"}, "constraints": [{"type": "Buttons", "count": 0}]},
             "goal: onto: 0 buttons are too few",
         ),
-        ({"constraints": [{"type": "Walls", "count": 1, "locations": [[0, 0], [1, 1]]}]}, "walls: locations: 2 of them"),
-        ({"constraints": [{"type": "Walls", "count": 1, "locations": [[0]]}]}, r"walls: locations: \(0,\) is not"),
-        ({"constraints": [{"type": "Hazards", "count": 8.0}]}, "hazards: count is 8.0"),
-        ({"extents": [0, 0, 1]}, r"extents: \(0.0, 0.0, 1.0\) are not"),
+        (
+            {"constraints": [{"type": "Walls", "count": 1, "locations": [[0, 0], [1, 1]]}]},
+            "walls: locations: 2 of them",
+        ),
+        (
+            {"constraints": [{"type": "Walls", "count": 1, "locations": [[0]]}]},
+            r"constraints\[0\].locations\[0\]: \[0\] has 1 entries",
+        ),
+        ({"constraints": [{"type": "Hazards", "count": 8.0}]}, r"constraints\[0\].count: 8.0 is not a whole number"),
+        ({"extents": [0, 0, 1]}, r"extents: \[0, 0, 1\] has 3 entries"),
     ],
 )
 def test_placements_that_mean_nothing_are_refused_by_field(part: dict, message: str) -> None:
     data = {**make_spec("Goal_Point_8Hazards").to_json(), **part}
     with pytest.raises(SpecError, match=message) as caught:
         EnvSpec.from_json(data)
-    assert "environment 'Goal_Point_8Hazards'" in str(caught.value)
+    assert str(caught.value).startswith(("environment 'Goal_Point_8Hazards'", "environment spec 'Goal_Point_8Hazards'"))
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"extents": (0, 0, 1)}, r"extents: \(0, 0, 1\) are not"),
+        ({"constraints": (Hazards(count=8.0),)}, "hazards: count is 8.0"),
+        ({"robot_placement": Placement(locations=((0.0,),))}, r"robot_placement.locations: \(0.0,\) is not"),
+        ({"robot_placement": Placement(radius=(0.0, float("nan")))}, "robot_placement.radius"),
+        ({"episode_length": 2.5}, "episode_length is 2.5"),
+    ],
+)
+def test_specifications_made_in_python_are_checked_too(change: dict, message: str) -> None:
+    with pytest.raises(SpecError, match=message):
+        replace(make_spec("Goal_Point_8Hazards"), **change)

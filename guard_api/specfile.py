@@ -1,0 +1,28 @@
+"""Environments without a name: a TOML file with the keys of `EnvSpec.to_json`, see `examples/environment.toml`."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+from guard_api.errors import SpecError
+from guard_api.spec import EnvSpec
+
+SUFFIX = ".toml"
+
+
+def is_spec_file(env: str) -> bool:
+    """Return whether `env` is the path of a specification rather than a name, which never ends so."""
+    return env.endswith(SUFFIX)
+
+
+def read_spec(path: Path) -> EnvSpec:
+    """Return the environment that the file at `path` specifies; its name defaults to the file's.
+
+    Raises SpecError with every problem, one per line, that names the file and the key.
+    """
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise SpecError(f"{path}: cannot be read: {error}") from error
+    return EnvSpec.from_json({"name": path.stem, "constraints": [], **data}, source=str(path))
