@@ -64,9 +64,8 @@ class LayoutSampler:
         keepout = np.array([item.keepout for item in items])
         keeps = keepout > 0.0
         located = np.array([item.location is not None for item in items])
-        self._reach = np.where(keeps[:, None] & keeps, keepout[:, None] + keepout, 0.0)
-        self._reach[located[:, None] & located | np.eye(len(items), dtype=bool)] = 0.0
-        self._others = [np.flatnonzero(row) for row in self._reach]
+        apart = keeps[:, None] & keeps & ~(located[:, None] & located) & ~np.eye(len(items), dtype=bool)
+        self._squared_reach = np.where(apart, (keepout[:, None] + keepout) ** 2, 0.0)
         self._areas: dict[int, Area] = {}
         self._blocks: list[tuple[Area, slice]] = []
         free = [i for i, item in enumerate(items) if item.location is None]
@@ -101,7 +100,7 @@ class LayoutSampler:
         result, pending = places[:, index].copy(), np.arange(len(places))
         for _ in range(_TRIES):
             points = area.candidates(_drawn(streams, pending, (_TRIES, COORDINATES)))
-            cost = self._overlap(index, points, places[pending], self._others[index])
+            cost = _overlap(points, places[pending], self._squared_reach[index])
             best, least = _least(points, cost, area.allows(points, rows_of(robot, pending)))
             result[pending[least == 0.0]] = best[least == 0.0]
             pending = pending[least > 0.0]
@@ -154,10 +153,10 @@ class LayoutSampler:
         for i, area in self._areas.items():
             if i > 0 and robot is None and self._stand is not None:
                 robot = self._stand(places[:, 0, :2], yaw)
-            rows, others = every, self._others[i][placed[self._others[i]]]
+            rows, reach = every, np.where(placed, self._squared_reach[i], 0.0)
             for tries in (slice(_FIRST), slice(None)):
                 points = area.candidates(unit[rows, i, tries])
-                cost = self._overlap(i, points, places[rows], others)
+                cost = _overlap(points, places[rows], reach)
                 places[rows, i], least = _least(points, cost, area.allows(points, rows_of(robot, rows)))
                 rows = rows[least > 0.0]
                 if len(rows) == 0:
@@ -184,33 +183,19 @@ class LayoutSampler:
                 allowed[:, rows] &= asked.reshape(n, -1, moves + 1)
         for i in self._areas:
             if i > 0:
-                cost = self._overlap(i, points[:, i], places, self._others[i])
+                cost = _overlap(points[:, i], places, self._squared_reach[i])
                 places[:, i], _ = _least(points[:, i], cost, allowed[:, i])
 
     def _holds(self, places: Array, robot: Snapshot | None) -> Mask:
         """Return in which worlds all keepouts and placements hold: (n,)."""
         x, y = places[..., 0], places[..., 1]
         dx, dy = x[:, :, None] - x[:, None], y[:, :, None] - y[:, None]
-        holds = np.logical_and.reduce(dx * dx + dy * dy >= self._reach**2, axis=(1, 2))
+        holds = np.logical_and.reduce(dx * dx + dy * dy >= self._squared_reach, axis=(1, 2))
         for i, area in self._areas.items():
             asked = area.allows(places[:, i, None], robot)
             if asked is not None:
                 holds &= asked[:, 0]
         return holds
-
-    def _overlap(self, index: int, points: Array, places: Array, others: Rows) -> Array:
-        """Return how much item `index` at `points` (n, k, 3) overlaps `others` at `places` (n, items, 3): (n, k).
-
-        The measure is the sum of reach^2 - distance^2 over those nearer than the reach [m^2].
-        """
-        # In place on contiguous arrays: this is where a reset spends its time.
-        dx = np.ascontiguousarray(points[..., 0])[:, None] - places[:, others, 0, None]
-        dy = np.ascontiguousarray(points[..., 1])[:, None] - places[:, others, 1, None]
-        dx *= dx
-        dy *= dy
-        dx += dy
-        np.subtract(self._reach[index, others][:, None] ** 2, dx, out=dx)
-        return np.maximum(dx, 0.0, out=dx).sum(axis=1)
 
     def _check_room(self) -> None:
         """Raise SpecError when the discs of the keepouts are larger than all areas together."""
@@ -233,6 +218,21 @@ class LayoutSampler:
             f"{len(self.items)} items in {', '.join(map(str, sorted(self._rectangles())))} with keepouts [m] {listed}, "
             f"which are discs of {discs:.1f} m^2: use fewer objects, smaller keepouts or larger extents"
         )
+
+
+def _overlap(points: Array, places: Array, squared_reach: Array) -> Array:
+    """Return how much something at `points` (n, k, 3) overlaps the items at `places` (n, items, 3): (n, k).
+
+    The measure is the sum of reach^2 - distance^2 over the items nearer than their `squared_reach` (items,) [m^2].
+    """
+    # In place on contiguous arrays: this is where a reset spends its time.
+    dx = np.ascontiguousarray(points[..., 0])[:, None] - places[:, :, 0, None]
+    dy = np.ascontiguousarray(points[..., 1])[:, None] - places[:, :, 1, None]
+    dx *= dx
+    dy *= dy
+    dx += dy
+    np.subtract(squared_reach[:, None], dx, out=dx)
+    return np.maximum(dx, 0.0, out=dx).sum(axis=1)
 
 
 def rows_of(robot: Snapshot | None, rows: Rows) -> Snapshot | None:
