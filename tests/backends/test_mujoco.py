@@ -12,7 +12,7 @@ from guard_api import rotations
 from guard_api.errors import BackendError
 from guard_api.model.kinematics import Kinematics
 from guard_api.model.library import load_robot
-from guard_api.model.robot import Actuator, Collision, Joint, Link, RobotModel
+from guard_api.model.robot import Actuator, Collision, Home, Joint, Link, RobotModel
 from guard_api.scene.spec import BodyGroup, BodySpec, SceneSpec
 from guard_api.scene.start import home_start, place_robot
 from guard_api.shapes import Box, Mesh, Pose, Sphere
@@ -288,6 +288,32 @@ def test_an_effort_limit_on_one_servo_does_not_clip_thrust():
     assert not build(scene)._batch.model.jnt_actfrclimited.any()
     with pytest.raises(BackendError, match="effort_limit binds shoulder, extra together"):
         build(SceneSpec(robot=replace(arm, actuators=(*arm.actuators, thruster, both))))
+
+
+def sledge(kind):
+    """A flat box under a light body, on a joint that moves it along the body's vertical, or about it: 2 kg in all."""
+    limits = {"revolute": (-0.5, 0.5), "prismatic": (-0.5, 0.5), "continuous": None}[kind]
+    inertia = ((0.01, 0.0, 0.0), (0.0, 0.01, 0.0), (0.0, 0.0, 0.01))
+    shape = Collision(shape=Box(half_extents=(0.2, 0.2, 0.02)), friction=0.8)
+    return RobotModel(
+        name="sledge", base="floating", root="top", actuators=(),
+        links=(
+            Link(name="top", mass=1.0, inertia=inertia),
+            Link(name="runner", mass=1.0, inertia=inertia, collisions=(shape,)),
+        ),
+        joints=(Joint(name="j", kind=kind, parent="top", child="runner", axis=(0.0, 0.0, 1.0), limits=limits),),
+        home=Home(height=0.02),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("kind", "limb"), [("revolute", True), ("continuous", False), ("prismatic", False)])
+def test_limbs_stop_slipping_at_once_and_all_else_takes_its_time(kind, limb):
+    """Coulomb's friction stops a slip of 0.1 m/s within 13 ms; of wheels, and of what slides, MuJoCo's is slower."""
+    scene = SceneSpec(robot=sledge(kind), timestep=0.004)
+    start = home_start(scene, 1)
+    start.base_linear_velocity[0, 0] = 0.1
+    speed = run(build(scene), start, 1, substeps=4).link_linear_velocity[0, 1, 0]
+    assert abs(speed) < 0.005 if limb else 0.015 < speed < 0.05
 
 
 def test_native_keeps_the_engines_contacts():

@@ -37,20 +37,30 @@ gives back beyond its restitution. Smaller lets bodies sink: to 1e-5 m under the
 """
 
 FRICTION_TIME = 0.02
-"""Time constant of friction [s], MuJoCo's own default.
+"""Time constant of friction [s] of what may slip for long, MuJoCo's own default.
 
 MuJoCo solves friction as a convex problem, in which slip at speed v lifts a contact at 2 mu v timestep / FRICTION_TIME.
 As stiff as the normal direction it would make a box that slides at 1 m/s hop by 1 cm.
 """
 
+LIMB_FRICTION_STEPS = 2.0
+"""Time constant of friction of limbs on what stands still, in timesteps: the shortest that MuJoCo allows.
+
+A foot lands, pushes and leaves within a few timesteps. With `FRICTION_TIME` it would slip all the while.
+"""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Surface:
-    """What a geom is made of: its name `geom`, the MuJoCo `body` it is on, `role`, own friction and restitution."""
+    """What a geom is made of: its name `geom`, the MuJoCo `body` it is on, `role`, own friction and restitution.
+
+    limb: whether it belongs to a link that swings between limits, as legs do.
+    """
 
     geom: str
     body: str
     role: Role
+    limb: bool = False
     friction: float = 0.0
     restitution: float = 0.0
 
@@ -86,7 +96,9 @@ def add_pairs(spec: mujoco.MjSpec, scene: SceneSpec, surfaces: Sequence[Surface]
         pair = spec.add_pair(geomname1=first.geom, geomname2=second.geom, condim=3 if friction > 0.0 else 1)
         pair.friction = [friction, friction, 0.0, 0.0, 0.0]
         if scene.preset == "rigid":
-            pair.solreffriction = [max(FRICTION_TIME, 2.0 * scene.timestep), 1.0]
+            stiffest = LIMB_FRICTION_STEPS * scene.timestep
+            limb = len(moving) == 1 and moving[0].limb
+            pair.solreffriction = [stiffest if limb else max(FRICTION_TIME, stiffest), 1.0]
             pair.solimp = RIGID_SOLIMP
         if scene.preset == "rigid" or restitution > 0.0:
             pair.solref = _solref(scene, restitution)

@@ -45,6 +45,11 @@ class Chain:
     parent: str
     joints: tuple[Joint, ...]
 
+    @property
+    def limb(self) -> bool:
+        """Whether the link swings between limits as a leg does; wheels turn on and on, and trunks may slide."""
+        return all(joint.kind == "revolute" for joint in self.joints)
+
 
 def chains(robot: RobotModel) -> list[Chain]:
     """Return the chain of every link with mass but the first, parents before children.
@@ -90,20 +95,20 @@ def add_robot(spec: mujoco.MjSpec, scene: SceneSpec, robot: RobotModel) -> list[
     for chain in chains(robot):
         body = _add_chain(scene, bodies[chain.parent], chain)
         bodies[chain.link.name] = body
-        surfaces += _fill(spec, body, chain.link, role)
+        surfaces += _fill(spec, body, chain.link, role, limb=chain.limb)
     for index, actuator in enumerate(robot.actuators):
         _add_actuator(spec, robot, index, actuator)
     return surfaces
 
 
-def _fill(spec: mujoco.MjSpec, body: mujoco.MjsBody, link: Link, role: Role) -> list[Surface]:
+def _fill(spec: mujoco.MjSpec, body: mujoco.MjsBody, link: Link, role: Role, limb: bool = False) -> list[Surface]:
     """Give `body` the mass and collisions of `link`; return their surfaces."""
     if not link.virtual:
         set_inertia(body, link.mass, link.com, np.asarray(link.inertia))
     surfaces = []
     for number, collision in enumerate(link.collisions):
         geom = add_geom(spec, body, f"{body.name}/{number}", collision.shape, collision.pose)
-        surfaces.append(Surface(geom=geom.name, body=body.name, role=role, friction=collision.friction))
+        surfaces.append(Surface(geom=geom.name, body=body.name, role=role, limb=limb, friction=collision.friction))
     return surfaces
 
 
