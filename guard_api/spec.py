@@ -8,15 +8,22 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Literal, get_args
+from typing import Any, Final, Literal, TypeAlias, get_args
 
 from guard_api import plugins
 from guard_api.constraints import CONSTRAINTS, Constraint
-from guard_api.errors import SpecError, unknown_name
+from guard_api.errors import PluginError, SpecError, unknown_name
 from guard_api.scene.checks import check_extents, check_groups
 from guard_api.scene.spec import BodyGroup, ContactPreset, Placement
 from guard_api.tasks import TASKS, Task
 from guard_api.typed import Reader, plain
+
+Kind: TypeAlias = Literal["task", "constraint"]
+
+_TERMS: Final[dict[Kind, tuple[dict[str, type], plugins.Group]]] = {
+    "task": (TASKS, "guard.tasks"),
+    "constraint": (CONSTRAINTS, "guard.constraints"),
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,18 +103,27 @@ class EnvSpec:
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def term_type(kind: Literal["task", "constraint"], name: str) -> Any:
+def term_names(kind: Kind) -> list[str]:
+    """Return the names of GUARD's own tasks or constraints and those of installed packages, importing none of them."""
+    own, group = _TERMS[kind]
+    return [*own, *(name for name in plugins.names(group) if name not in own)]
+
+
+def term_type(kind: Kind, name: str) -> Any:
     """Return the task or constraint dataclass called `name`: GUARD's own, or that of an installed package.
 
-    Raises SpecError for an unknown name (nearest names given), PluginError for one that cannot be imported.
+    Raises SpecError for an unknown name (nearest names given), PluginError for one that cannot be imported or is no
+    dataclass of that name: then a specification could not be written and read again.
     """
-    own, group = (TASKS, "guard.tasks") if kind == "task" else (CONSTRAINTS, "guard.constraints")
+    own, group = _TERMS[kind]
     if name in own:
         return own[name]
-    installed = plugins.names(group)
-    if name not in installed:
-        raise unknown_name(kind, name, [*own, *installed])
-    return plugins.load(group, name)
+    if name not in plugins.names(group):
+        raise unknown_name(kind, name, term_names(kind))
+    term = plugins.load(group, name)
+    if not dataclasses.is_dataclass(term) or getattr(term, "__name__", "") != name:
+        raise PluginError(f"{kind} {name!r}: its entry point names {term!r}: it must name a dataclass called {name}")
+    return term
 
 
 def _term_to_json(term: Any) -> dict[str, Any]:

@@ -8,19 +8,18 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
-from guard_api.constraints import CONSTRAINTS
-from guard_api.errors import SpecError, unknown_name
+from guard_api.errors import PluginError, SpecError, unknown_name
 from guard_api.model.library import load_robot, robot_names
 from guard_api.model.robot import RobotModel
 from guard_api.safety_gym import level_names, make_level
 from guard_api.scene.spec import Placement
 from guard_api.sensors.lidar import Lidar
-from guard_api.spec import EnvSpec, term_type
+from guard_api.spec import EnvSpec, Kind, term_names, term_type
 from guard_api.specfile import is_spec_file, read_spec
 from guard_api.tasks import TASKS, Task
 from guard_api.tasks.targets import Targets
@@ -55,16 +54,17 @@ def suite_names() -> list[str]:
 def known_names() -> list[str]:
     """Return a name for every task, robot and constraint, eight objects each but four walls, and Safety Gym's levels.
 
-    Any other number of objects is a name as well, and so are several constraints.
+    Those of installed packages are among them, and none of them is imported. Any other number of objects is a name as
+    well, and so are several constraints.
     """
-    return _names(tuple(TASKS), robot_names(), tuple(CONSTRAINTS)) + level_names()
+    return _names(term_names("task"), robot_names(), term_names("constraint")) + level_names()
 
 
 def make_spec(name: str) -> EnvSpec:
     """Return the specification that `name` stands for, or that the TOML file at the path `name` holds.
 
     Raises SpecError for a name outside the grammar or with an unknown task, robot or constraint (nearest names given),
-    or with every problem of the file.
+    or with every problem of the file; PluginError for a task or constraint of a package that does not work.
     """
     if is_spec_file(name):
         return read_spec(Path(name))
@@ -80,21 +80,29 @@ def make_spec(name: str) -> EnvSpec:
     try:
         if key not in robots:
             raise unknown_name("robot", key, robots)
-        task_type, kinds = term_type("task", task), [term_type("constraint", kind) for _, kind in counts]
+        robot = robots[key]
+        made = _TASKS[task](_of(robot)) if task in _TASKS else _made("task", task)
+        constraints = tuple(_made("constraint", k, count=n, **_settings(k, _of(robot))) for n, k in counts)
     except SpecError as error:
         raise SpecError(f"environment {name!r}: {error}") from error
-    robot = robots[key]
     standing = math.isfinite(_of(robot).reach)
     return EnvSpec(
         name=_name(task, robot, counts),
         robot=robot,
-        task=_TASKS.get(task, lambda robot: task_type())(_of(robot)),
-        constraints=tuple(
-            constraint(count=count, **_settings(kind, _of(robot)))
-            for constraint, (count, kind) in zip(kinds, counts, strict=True)
-        ),
+        task=made,
+        constraints=constraints,
         robot_placement=Placement(locations=((0.0, 0.0),)) if standing else Placement(),
     )
+
+
+def _made(kind: Kind, name: str, **settings: Any) -> Any:
+    """Return the task or constraint `name`. Raises PluginError when a name does not say all that it needs."""
+    term = term_type(kind, name)
+    try:
+        return term(**settings)
+    except TypeError as error:
+        alone = "by itself" if kind == "task" else "of a count"
+        raise PluginError(f"{kind} {name!r} cannot be made {alone}, as a name asks for: {error}") from error
 
 
 def _goal(robot: RobotModel) -> Task:
@@ -154,7 +162,7 @@ def _of(robot: str) -> RobotModel:
     return load_robot(robot)
 
 
-def _names(tasks: tuple[str, ...], robots: list[str], constraints: tuple[str, ...]) -> list[str]:
+def _names(tasks: Sequence[str], robots: Sequence[str], constraints: Sequence[str]) -> list[str]:
     return [
         _name(task, robot, [(_ROOM.get(constraint, SUITE_COUNT), constraint)])
         for task in tasks

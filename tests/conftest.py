@@ -2,11 +2,24 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
+from hypothesis import settings
 
 from guard_api import plugins
 
 BACKENDS = plugins.available("guard.backends")
+
+# Properties are tried on other examples every time: few at `make test`, many at `make slow`. Nothing waits on a clock.
+settings.register_profile("fast", max_examples=25, deadline=None)
+settings.register_profile("thorough", max_examples=500, deadline=None)
+settings.load_profile("fast")
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Let `pytest -m slow tests/env/test_suite.py` leave a table, and go on where it was stopped."""
+    parser.addoption("--suite-table", type=Path, metavar="FILE", help="JSON lines of the environments that hold")
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:

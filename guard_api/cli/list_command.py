@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import contextlib
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Final, Literal
 
@@ -11,21 +12,19 @@ import tyro
 from guard_api import plugins
 from guard_api.cli.options import parse
 from guard_api.cli.output import print_json, print_table
-from guard_api.constraints import CONSTRAINTS
-from guard_api.errors import SpecError, unknown_name
+from guard_api.errors import PluginError, SpecError, unknown_name
 from guard_api.model.library import load_robot, robot_names
-from guard_api.spec import EnvSpec
+from guard_api.spec import EnvSpec, Kind, term_names, term_type
 from guard_api.suite import known_names, make_spec, suite_names
-from guard_api.tasks import TASKS
 
-Kind = Literal["envs", "robots", "tasks", "constraints", "algos", "backends"]
+Listing = Literal["envs", "robots", "tasks", "constraints", "algos", "backends"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options:
     """What to list, and how. The last four choose among environments."""
 
-    kind: Annotated[Kind, tyro.conf.Positional] = "envs"
+    kind: Annotated[Listing, tyro.conf.Positional] = "envs"
     """What to list."""
     json: bool = False
     """Print JSON instead of a table."""
@@ -59,15 +58,13 @@ def main(argv: Sequence[str]) -> int:
 def _environments(options: Options) -> list[dict[str, Any]]:
     """Return the environments asked for. Raises SpecError for an unknown name, or when there is none of that kind."""
     robot = None if options.robot is None else options.robot.lower()
-    asked = [
-        ("task", options.task, plugins.names("guard.tasks"), TASKS),
-        ("robot", robot, (), robot_names()),
-        ("constraint", options.constraint, plugins.names("guard.constraints"), CONSTRAINTS),
-    ]
-    for kind, name, installed, own in asked:
-        if name is not None and name not in (*own, *installed):
-            raise unknown_name(kind, name, (*own, *installed))
-    specs = [make_spec(name) for name in (suite_names() if options.suite else known_names())]
+    if options.task is not None:
+        term_type("task", options.task)
+    if options.constraint is not None:
+        term_type("constraint", options.constraint)
+    if robot is not None and robot not in robot_names():
+        raise unknown_name("robot", robot, robot_names())
+    specs = _specs(suite_names() if options.suite else known_names())
     chosen = [spec for spec in specs if _fits(spec, options.task, robot, options.constraint)]
     if not chosen:
         raise SpecError("no listed environment fits: leave one of --suite, --task, --robot and --constraint out")
@@ -80,6 +77,13 @@ def _environments(options: Options) -> list[dict[str, Any]]:
         }
         for spec in chosen
     ]
+
+
+def _specs(names: list[str]) -> Iterator[EnvSpec]:
+    """Yield what `names` stand for, without those of a package that is broken: the lists of its terms say why."""
+    for name in names:
+        with contextlib.suppress(PluginError):
+            yield make_spec(name)
 
 
 def _fits(spec: EnvSpec, task: str | None, robot: str | None, constraint: str | None) -> bool:
@@ -99,8 +103,16 @@ def _robots() -> list[dict[str, Any]]:
     ]
 
 
-def _terms(table: dict[str, type]) -> list[dict[str, Any]]:
-    return [{"name": name, "what": (term.__doc__ or "").strip().splitlines()[0]} for name, term in table.items()]
+def _terms(kind: Kind) -> list[dict[str, Any]]:
+    """Return GUARD's own terms and those of installed packages, each with its first line or what is wrong with it."""
+    rows = []
+    for name in term_names(kind):
+        try:
+            what = (term_type(kind, name).__doc__ or "").strip().partition("\n")[0]
+        except PluginError as error:
+            what = str(error)
+        rows.append({"name": name, "what": what})
+    return rows
 
 
 def _plugins(group: plugins.Group) -> list[dict[str, Any]]:
@@ -112,8 +124,8 @@ def _plugins(group: plugins.Group) -> list[dict[str, Any]]:
 
 _LISTINGS: Final[dict[str, Callable[[], list[dict[str, Any]]]]] = {
     "robots": _robots,
-    "tasks": lambda: _terms(TASKS),
-    "constraints": lambda: _terms(CONSTRAINTS),
+    "tasks": lambda: _terms("task"),
+    "constraints": lambda: _terms("constraint"),
     "algos": lambda: _plugins("guard.algorithms"),
     "backends": lambda: _plugins("guard.backends"),
 }

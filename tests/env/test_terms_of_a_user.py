@@ -5,14 +5,17 @@ from __future__ import annotations
 import importlib.util
 import json
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pytest
 
+from guard_api.cli.main import run
 from guard_api.env import make_environment
-from guard_api.errors import SpecError
+from guard_api.errors import PluginError, SpecError
+from guard_api.model.library import robot_names
 from guard_api.spec import EnvSpec
 from guard_api.suite import make_spec
 from tests.env.staging import drive, put
@@ -32,15 +35,23 @@ def own_task(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
 
 
 @pytest.fixture
-def installed(own_task: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    """The example as what an installed package offers by entry points."""
-    info = tmp_path / "own_task-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: own-task\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text(
-        "[guard.tasks]\nVisit = own_task:Visit\n\n[guard.constraints]\nPuddles = own_task:Puddles\n"
-    )
-    monkeypatch.syspath_prepend(str(tmp_path))
+def offer(own_task: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
+    """Install a package that offers what its entry points say."""
+
+    def install(entry_points: str) -> None:
+        info = tmp_path / "own_task-1.0.dist-info"
+        info.mkdir()
+        (info / "METADATA").write_text("Metadata-Version: 2.1\nName: own-task\nVersion: 1.0\n")
+        (info / "entry_points.txt").write_text(entry_points)
+        monkeypatch.syspath_prepend(str(tmp_path))
+
+    return install
+
+
+@pytest.fixture
+def installed(own_task: ModuleType, offer: Callable[[str], None]) -> ModuleType:
+    """The example as what an installed package offers."""
+    offer("[guard.tasks]\nVisit = own_task:Visit\n\n[guard.constraints]\nPuddles = own_task:Puddles\n")
     return own_task
 
 
@@ -75,6 +86,55 @@ def test_installed_terms_have_names_and_survive_json(installed: ModuleType) -> N
     assert again == spec
     with pytest.raises(SpecError, match="did you mean Visit"):
         make_spec("Visi_Point_3Puddles")
+
+
+def test_installed_terms_are_listed_and_choose_among_environments(
+    installed: ModuleType, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def listed(*arguments: str) -> dict[str, dict[str, str]]:
+        assert run(["list", *arguments, "--json"]) == 0
+        return {row["name"]: row for row in json.loads(capsys.readouterr().out)}
+
+    assert listed("tasks")["Visit"]["what"].startswith("Be at a flag")
+    assert listed("constraints")["Puddles"]["what"] == installed.Puddles.__doc__
+    both = listed("envs", "--task", "Visit", "--constraint", "Puddles")
+    assert set(both) == {f"Visit_{robot.capitalize()}_8Puddles" for robot in robot_names()}
+    assert listed("envs", "--constraint", "Puddles", "--robot", "point").keys() > {"Goal_Point_8Puddles"}
+    assert "Visit_Ant_8Ghosts" in listed("envs", "--task", "Visit")
+    assert "Visit_Ant_8Ghosts" not in listed("envs", "--task", "Goal")
+
+
+@pytest.mark.parametrize(
+    ("offered", "message"),
+    [
+        ("nowhere:Visit", "cannot be imported"),
+        ("own_task:Absent", "does not exist"),
+        ("own_task:Puddles", "must name a dataclass called Visit"),
+        ("own_task:main", "must name a dataclass called Visit"),
+    ],
+)
+def test_a_broken_package_is_named_where_it_is_asked_for_and_hides_nothing_else(
+    offer: Callable[[str], None], offered: str, message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    offer(f"[guard.tasks]\nVisit = {offered}\n")
+    with pytest.raises(PluginError, match=message):
+        make_spec("Visit_Point_3Hazards")
+    assert run(["list", "envs", "--task", "Visit"]) == 2
+    assert message in capsys.readouterr().err
+    assert run(["list", "tasks", "--json"]) == 0
+    assert any(message in row["what"] for row in json.loads(capsys.readouterr().out))
+    assert run(["list", "envs", "--robot", "point", "--json"]) == 0
+    names = [row["name"] for row in json.loads(capsys.readouterr().out)]
+    assert "Goal_Point_8Hazards" in names
+    assert not any(name.startswith("Visit") for name in names)
+
+
+def test_a_constraint_that_is_not_made_of_a_count_has_no_name(
+    offer: Callable[[str], None], own_task: ModuleType
+) -> None:
+    offer("[guard.constraints]\nVisit = own_task:Visit\n")
+    with pytest.raises(PluginError, match=r"constraint 'Visit' cannot be made of a count.*'count'"):
+        make_spec("Goal_Point_3Visit")
 
 
 def test_terms_that_are_not_installed_are_unknown() -> None:
