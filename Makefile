@@ -28,10 +28,10 @@ demo: $(STAMP) ## Train in MuJoCo, measure in MuJoCo, PyBullet and SAPIEN; write
 		--backends mujoco bullet sapien --seeds 0 1 2 --total-steps 300000 --episodes 25 --out $(DEMO)
 
 test: $(STAMP) ## Run the fast tests on every installed backend
-	@$(BIN)/python -m pytest -n 2 tests
+	@$(BIN)/python -m pytest -n 2 --dist worksteal tests
 
-slow: $(STAMP) ## Run the long checks too: learning, coverage of intervals, large sweeps
-	@$(BIN)/python -m pytest -m slow tests
+slow: $(STAMP) ## Run the long checks too: learning, coverage of intervals, large sweeps, properties on many examples
+	@$(BIN)/python -m pytest -m 'slow or hypothesis' --hypothesis-profile thorough tests
 
 check: $(STAMP) ## Lint, format, types, and the import rule
 	@$(BIN)/ruff check .

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from guard_api.constraints import Buttons, Gremlins, Hazards
@@ -40,7 +40,6 @@ def ball(name: str, count: int, placement: Placement, keepout: float = 0.1) -> B
     return BodyGroup(name=name, body=body, count=count, placement=placement)
 
 
-@settings(max_examples=25, deadline=None)
 @given(
     robot=st.sampled_from(["arm3", "arm6", "drone", "point", "ant"]),
     clearance=st.floats(0.0, 0.6),

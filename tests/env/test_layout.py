@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from guard_api.errors import SpecError
@@ -52,7 +52,6 @@ def crowds(draw: st.DrawFn) -> tuple[list[Item], tuple[float, float, float, floa
     return items, (x, y, x + width, y + height)
 
 
-@settings(max_examples=60, deadline=None)
 @given(request=crowds(), seed=seeds)
 def test_keepouts_and_extents_hold(request: tuple, seed: int) -> None:
     items, extents = request
@@ -63,7 +62,6 @@ def test_keepouts_and_extents_hold(request: tuple, seed: int) -> None:
         assert (places[:, i, :2] <= np.array(extents[2:]) - item.keepout + TINY).all()
 
 
-@settings(max_examples=60, deadline=None)
 @given(
     least=st.floats(0.0, 1.5),
     width=st.floats(0.5, 1.0),
@@ -86,7 +84,6 @@ def test_radius_distance_and_heights_hold(least: float, width: float, heights: t
     assert (gaps(places, items[1:]) >= -TINY).all()
 
 
-@settings(max_examples=40, deadline=None)
 @given(
     corners=st.lists(st.tuples(st.floats(-5, 5), st.floats(-5, 5), st.floats(0.5, 3), st.floats(0.5, 3)), min_size=1),
     seed=seeds,

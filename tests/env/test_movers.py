@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from guard_api.constraints import Constraint, Ghosts, Gremlins
@@ -117,7 +117,6 @@ def test_movers_at_one_place_do_not_break() -> None:
     np.testing.assert_array_equal(moved, 0.0)
 
 
-@settings(max_examples=50, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_heights_stay_in_their_range_and_speeds_have_a_bound(seed: int) -> None:
     rng = np.random.default_rng(seed)

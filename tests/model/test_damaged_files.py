@@ -87,7 +87,7 @@ NASTY = [
     *("nan", "-inf", "1e999", "1e308", "1e30", "-1e30", "1e-320", "1e-12", "0", "-1", "1,5", "1 2", "0 0 0", "1 1 1"),
     *("", " ", "é", "☃", "../x", "world", "a", "b", "c", "hinge", "weld", "fixed", "planar", "floating", "prismatic"),
 ]
-many = settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+many = settings(suppress_health_check=[HealthCheck.too_slow])
 
 
 def read(urdf: bytes, toml: bytes) -> RobotModel | None:

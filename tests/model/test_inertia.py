@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from guard_api import rotations
@@ -63,7 +63,6 @@ def test_closed_forms_match_a_sum_over_a_fine_grid(shape: Shape) -> None:
     np.testing.assert_allclose(properties.inertia, np.trace(second) * np.eye(3) - second, rtol=0.02, atol=1e-6)
 
 
-@settings(deadline=None)
 @given(mass_properties(), poses())
 def test_moving_a_body_keeps_its_mass_and_principal_moments(body: MassProperties, pose: Pose) -> None:
     there = moved(body, pose)
@@ -77,7 +76,6 @@ def test_moving_a_body_keeps_its_mass_and_principal_moments(body: MassProperties
     )
 
 
-@settings(deadline=None)
 @given(st.lists(mass_properties(), min_size=1, max_size=4), st.tuples(*[st.floats(-3.0, 3.0)] * 3))
 def test_moments_about_any_point_add_up(parts: list[MassProperties], point: tuple[float, ...]) -> None:
     whole = combined(parts)
@@ -87,7 +85,6 @@ def test_moments_about_any_point_add_up(parts: list[MassProperties], point: tupl
     np.testing.assert_allclose(whole.mass * np.array(whole.com), first, atol=1e-12 * whole.mass)
 
 
-@settings(deadline=None)
 @given(st.lists(st.tuples(shapes, poses()), min_size=1, max_size=3), poses())
 def test_turning_the_whole_turns_the_parts(solids: list[tuple[Shape, Pose]], pose: Pose) -> None:
     parts = [moved(of_shape(shape, 7.0), at) for shape, at in solids]
@@ -96,7 +93,6 @@ def test_turning_the_whole_turns_the_parts(solids: list[tuple[Shape, Pose]], pos
     np.testing.assert_allclose(a.inertia, b.inertia, rtol=0, atol=1e-12 * np.linalg.norm(b.inertia) + 1e-12 * b.mass)
 
 
-@settings(deadline=None)
 @given(shapes, st.floats(0.1, 1e4))
 def test_solids_are_physically_possible_and_scale_with_density(shape: Shape, density: float) -> None:
     one, many = of_shape(shape, 1.0), of_shape(shape, density)
@@ -106,7 +102,6 @@ def test_solids_are_physically_possible_and_scale_with_density(shape: Shape, den
     np.testing.assert_allclose(many.inertia, density * np.array(one.inertia), rtol=1e-14)
 
 
-@settings(max_examples=20, deadline=None)
 @given(st.tuples(lengths, lengths, lengths), poses())
 def test_the_hull_of_a_boxs_corners_is_the_box(half: tuple[float, float, float], pose: Pose) -> None:
     box = Box(half_extents=half)

@@ -249,9 +249,7 @@ def test_meshes(tmp_path: Path) -> None:
     Pair(model, text).assert_same()
 
 
-@settings(
-    deadline=None, max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
-)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
 @given(text=texts())
 def test_any_robot(tmp_path: Path, text: str) -> None:
     pair = Pair(read(tmp_path, text), text)

@@ -33,7 +33,7 @@ NASTY = [
     "world",
     "free",
 ]
-many = settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+many = settings(suppress_health_check=[HealthCheck.too_slow])
 
 
 def assert_sound_or_refused(text: bytes) -> None:

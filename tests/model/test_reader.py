@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pytest
 import yourdfpy
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from guard_api import rotations
@@ -255,7 +255,6 @@ def own_poses(model: RobotModel, q: dict[str, float]) -> dict[str, tuple[np.ndar
     return poses
 
 
-@settings(max_examples=15, deadline=None)
 @given(robots(), st.integers(0, 2**32 - 1))
 def test_another_reader_puts_the_links_in_the_same_places(model: RobotModel, seed: int) -> None:
     with TemporaryDirectory() as folder:

@@ -50,14 +50,12 @@ def assert_same(a: object, b: object, path: str = "robot") -> None:
         assert a == b, (path, a, b)
 
 
-@settings(max_examples=60, deadline=None)
 @given(robots())
 def test_a_robot_survives_writing_and_reading(model: RobotModel) -> None:
     with TemporaryDirectory() as folder:
         assert_same(model, round_trip(model, Path(folder)))
 
 
-@settings(max_examples=20, deadline=None)
 @given(robots())
 def test_inertials_limits_and_gains_keep_every_bit(model: RobotModel) -> None:
     with TemporaryDirectory() as folder:
@@ -68,13 +66,12 @@ def test_inertials_limits_and_gains_keep_every_bit(model: RobotModel) -> None:
         assert before == replace(after, origin=before.origin, axis=before.axis)
 
 
-@settings(max_examples=20, deadline=None)
 @given(robots())
 def test_no_line_is_long(model: RobotModel) -> None:
     assert max(map(len, to_urdf(model).splitlines())) < 8000
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(quaternions())
 def test_rpy_is_exact_at_every_attitude(quaternion: tuple[float, float, float, float]) -> None:
     q = rotations.from_rpy(*rpy(quaternion))
@@ -86,7 +83,7 @@ def test_shipped_robots_survive(name: str, tmp_path: Path) -> None:
     assert_same(load_robot(name), round_trip(load_robot(name), tmp_path))
 
 
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=5)
 @given(st.integers(0, 2**32 - 1))
 def test_hulls_survive(seed: int) -> None:
     points = np.random.default_rng(seed).normal(size=(12, 3))
