@@ -6,17 +6,24 @@ observations, rewards and named costs; never a simulator.
 
 from __future__ import annotations
 
+import dataclasses
+import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Final, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from guard_api.errors import unknown_name
+
 if TYPE_CHECKING:
     from guard_api.env import Environment
     from guard_api.runs.directory import RunDirectory
+
+CHANGES_NO_NUMBER: Final = {"changes_no_number": True}
+"""`metadata` of an option's field that decides how fast or how often something is done, and no result."""
 
 
 @runtime_checkable
@@ -70,3 +77,39 @@ class Algorithm(Protocol):
     def load_policy(self, checkpoint: Path) -> Policy:
         """Load the policy of one checkpoint. Raises RunError when it is corrupt or another algorithm's."""
         ...
+
+
+def deciding_options(config: Any) -> dict[str, Any]:
+    """Return as JSON data the options, of a dataclass `config`, that decide a training's numbers."""
+    fields = [f for f in dataclasses.fields(config) if "changes_no_number" not in f.metadata]
+    return json.loads(json.dumps({f.name: getattr(config, f.name) for f in fields}))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Preset:
+    """Settings known by a name: those of the training, and `options` of the algorithm's config.
+
+    A plugin may have an attribute `presets`, name -> Preset.
+    """
+
+    total_steps: int
+    num_worlds: int
+    options: Mapping[str, Any]
+
+    def changed(self, *, total_steps: int, num_worlds: int, config: Any) -> list[str]:
+        """Return what of these settings is not the preset's, among all that decides a training's numbers."""
+        preset = deciding_options(type(config)(**self.options)) | _size(self.total_steps, self.num_worlds)
+        given = deciding_options(config) | _size(total_steps, num_worlds)
+        return [name for name in given if given[name] != preset[name]]
+
+
+def find_preset(algorithm: Algorithm, name: str) -> Preset:
+    """Return a preset of `algorithm`. Raises SpecError, with the names there are, for any other."""
+    presets: Mapping[str, Preset] = getattr(algorithm, "presets", {})
+    if name not in presets:
+        raise unknown_name(f"preset of {algorithm.name}", name, presets)
+    return presets[name]
+
+
+def _size(total_steps: int, num_worlds: int) -> dict[str, int]:
+    return {"total_steps": total_steps, "num_worlds": num_worlds}

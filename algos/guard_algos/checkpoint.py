@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -14,14 +14,13 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from guard_algos.config import OnPolicyConfig
-from guard_api.algorithm import TrainingJob
+from guard_api.algorithm import TrainingJob, deciding_options
 from guard_api.errors import GuardError, RunError
 from guard_api.runs.checkpoint import load_checkpoint
 
 POLICY = "policy"
 """Key of the policy's parameters."""
 _GENERATOR = "generator"
-_CHANGES_NO_NUMBER = ("checkpoint_every", "threads")
 
 Config = TypeVar("Config", bound=OnPolicyConfig)
 
@@ -49,16 +48,13 @@ class TrainingState:
 
 def identity(job: TrainingJob) -> dict[str, Any]:
     """Return as JSON data what must be the same for a resumed training to give the same bits."""
-    config = asdict(job.config)
-    for name in _CHANGES_NO_NUMBER:
-        del config[name]
     return {
         "environment": job.env.spec.fingerprint,
         "backend": job.env.backend_name,
         "num_worlds": job.env.num_worlds,
         "seed": job.seed,
         "layout_seed": job.env.seed,
-        **json.loads(json.dumps(config)),
+        **deciding_options(job.config),
     }
 
 
@@ -104,7 +100,7 @@ def restore(
 
 def read_config(path: Path, state: TrainingState, config_type: type[Config]) -> Config:
     """Return the options that the training was started with. Raises RunError where they do not fit `config_type`."""
-    names = [field.name for field in fields(config_type) if field.name not in _CHANGES_NO_NUMBER]
+    names = deciding_options(config_type())
     try:
         values: dict[str, Any] = {name: state.job[name] for name in names}
         values["hidden"] = tuple(values["hidden"])  # JSON has no tuples

@@ -19,7 +19,7 @@ from guard_algos import checkpoint as checkpoints
 from guard_algos import constraints
 from guard_algos.batch import Batch, make_batch
 from guard_algos.checkpoint import TrainingState
-from guard_algos.config import CostLimits, OnPolicyConfig
+from guard_algos.config import CostLimits, OnPolicyConfig, paper
 from guard_algos.constraints import Constraint
 from guard_algos.critics import Critic
 from guard_algos.finite import NotFiniteError
@@ -28,7 +28,7 @@ from guard_algos.networks import Mlp
 from guard_algos.policy import TrainedPolicy, make_policy
 from guard_algos.rollout import Correct, collect
 from guard_algos.workers import workers
-from guard_api.algorithm import TrainingJob
+from guard_api.algorithm import Preset, TrainingJob
 from guard_api.errors import GuardError, SpecError
 
 
@@ -79,6 +79,11 @@ class OnPolicyAlgorithm:
     config_type: type[OnPolicyConfig]
     method: Callable[[Any, Problem], Method]
     corrects: bool = False
+
+    @property
+    def presets(self) -> Mapping[str, Preset]:
+        """The settings that have a name."""
+        return {"paper": paper(self.config_type)}
 
     def train(self, job: TrainingJob) -> bool:
         """Train until `job.total_steps`; return whether they were reached.

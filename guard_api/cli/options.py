@@ -9,25 +9,45 @@ from typing import Any, TypeVar, cast
 import tyro
 
 from guard_api import plugins
+from guard_api.algorithm import Algorithm, find_preset
 from guard_api.errors import SpecError
 
 T = TypeVar("T")
 
 
-def parse(options: type[T], name: str, argv: Sequence[str], description: str) -> T:
-    """Parse `argv` into the dataclass `options`; prints help or one clear error and exits when it cannot."""
-    return tyro.cli(options, prog=f"guard {name}", args=list(argv), description=description)
+def parse(options: type[T], name: str, argv: Sequence[str], description: str, default: T | None = None) -> T:
+    """Parse `argv` into the dataclass `options`; prints help or one clear error and exits when it cannot.
+
+    default: what takes the place of the dataclass's own defaults.
+    """
+    instead: dict[str, Any] = {} if default is None else {"default": default}
+    return tyro.cli(options, prog=f"guard {name}", args=list(argv), description=description, **instead)
 
 
 def parse_with_algorithm(generic: Any, name: str, argv: Sequence[str], description: str) -> tuple[Any, Any]:
     """Parse `argv` into `generic[config type of the algorithm]`; return the options and the algorithm.
 
-    Which options exist depends on --algo, so that flag is looked up first.
+    Which options exist depends on --algo, and what those that are not given are on --preset, where `generic` has that
+    one: so both flags are looked up first.
     """
-    default = next(field.default for field in dataclasses.fields(generic) if field.name == "algo")
-    algorithm = plugins.load("guard.algorithms", _flag(argv, "--algo", str(default)))
-    options = parse(cast("type[Any]", generic[algorithm.config_type]), name, argv, description)
-    return options, algorithm
+    usual = next(field.default for field in dataclasses.fields(generic) if field.name == "algo")
+    algorithm = plugins.load("guard.algorithms", _flag(argv, "--algo", str(usual)))
+    preset = _flag(argv, "--preset", "") if "preset" in {field.name for field in dataclasses.fields(generic)} else ""
+    kind = cast("type[Any]", generic[algorithm.config_type])
+    default = _preset_defaults(generic, algorithm, preset) if preset else None
+    return parse(kind, name, argv, description, default), algorithm
+
+
+def _preset_defaults(generic: Any, algorithm: Algorithm, name: str) -> Any:
+    """Return `generic` with the preset's settings, and MISSING for what has no default."""
+    preset = find_preset(algorithm, name)
+    required = [field.name for field in dataclasses.fields(generic) if field.default is dataclasses.MISSING]
+    values = dict.fromkeys(required, tyro.MISSING) | {
+        "total_steps": float(preset.total_steps),
+        "num_worlds": preset.num_worlds,
+        "algorithm": algorithm.config_type(**preset.options),
+    }
+    return generic(**values)
 
 
 def whole_steps(total_steps: float) -> int:

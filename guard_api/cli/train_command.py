@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
-import json
 from collections.abc import Mapping, Sequence
-from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Generic, TypeVar
@@ -13,15 +10,13 @@ from typing import Annotated, Any, Generic, TypeVar
 import tyro
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from guard_api import plugins
-from guard_api.algorithm import Algorithm, TrainingJob
+from guard_api.algorithm import Algorithm, find_preset
 from guard_api.cli.interrupt import stop_request
 from guard_api.cli.options import parse_with_algorithm, whole_steps
 from guard_api.cli.output import print_json, print_table
-from guard_api.env import make_environment
 from guard_api.errors import RunError
+from guard_api.measure.training import Training, train
 from guard_api.runs.directory import RunDirectory
-from guard_api.runs.manifest import build_manifest
 from guard_api.suite import make_spec
 
 Config = TypeVar("Config")
@@ -47,6 +42,8 @@ class Options(Generic[Config]):
     """Worlds stepped together. The paper's epoch is 30 worlds x 1000 steps."""
     workers: int | None = None
     """Threads or processes that step the worlds; chosen by GUARD when left out. Changes no number."""
+    preset: str = ""
+    """Settings to start from: paper, those of GUARD's paper. What is given explicitly wins over them."""
     resume: bool = False
     """Continue from the last checkpoint in --out, to the same bits as without the interruption."""
     json: bool = False
@@ -58,52 +55,44 @@ class Options(Generic[Config]):
 def main(argv: Sequence[str]) -> int:
     """Run the command."""
     options, algorithm = parse_with_algorithm(Options, "train", argv, "Train a policy on one backend.")
-    total_steps = whole_steps(options.total_steps)
-    spec = make_spec(options.env)
-    manifest = build_manifest(
-        env_spec=spec,
-        backend=plugins.load("guard.backends", options.backend),
+    training = Training(
+        path=options.out,
+        spec=make_spec(options.env),
+        backend=options.backend,
         algorithm=algorithm.name,
+        config=options.algorithm,
         seed=options.seed,
+        total_steps=whole_steps(options.total_steps),
         num_worlds=options.num_worlds,
-        total_steps=total_steps,
+        preset=_preset(options, algorithm),
     )
-    config = dataclasses.asdict(options.algorithm)
-    env = make_environment(
-        spec, backend=options.backend, num_worlds=options.num_worlds, seed=options.seed, workers=options.workers
-    )
-    try:
-        with closing(_run_directory(options, manifest, config)) as run:
-            finished = _train(algorithm, env, run, options, total_steps)
-    finally:
-        env.close()
-    _print_summary(run, options.json)
+    _check_folder(options.out, options.resume)
+    finished = _train(training, options.workers, quiet=options.json)
+    _print_summary(RunDirectory.open(options.out), options.json)
     if not finished:
         raise KeyboardInterrupt
     return 0
 
 
-def _run_directory(options: Any, manifest: Mapping[str, Any], config: Mapping[str, Any]) -> RunDirectory:
-    """Make the run directory, or open it to resume; refuses to resume a run of anything else."""
-    if not options.resume:
-        return RunDirectory.create(options.out, manifest=manifest, config=config)
-    run = RunDirectory.open(options.out)
-    for key in ("spec_fingerprint", "assets", "backend", "algorithm", "seed", "num_worlds"):
-        if run.manifest.get(key) != manifest[key]:
-            raise RunError(
-                f"{options.out}: was made with {key} = {run.manifest.get(key)!r}, not {manifest[key]!r}: "
-                "resume with the options it was made with, or choose another --out"
-            )
-    for key, value in json.loads(json.dumps(config)).items():  # as the run's config.json says it
-        if run.config.get(key) != value:
-            raise RunError(
-                f"{options.out}: was made with --{key.replace('_', '-')} {run.config.get(key)!r}, not {value!r}: "
-                "resume with the options it was made with, or choose another --out"
-            )
-    return run
+def _preset(options: Any, algorithm: Algorithm) -> dict[str, Any] | None:
+    """Return what the manifest says of the preset."""
+    if not options.preset:
+        return None
+    changed = find_preset(algorithm, options.preset).changed(
+        total_steps=whole_steps(options.total_steps), num_worlds=options.num_worlds, config=options.algorithm
+    )
+    return {"name": options.preset, "changed": changed}
 
 
-def _train(algorithm: Algorithm, env: Any, run: RunDirectory, options: Any, total_steps: int) -> bool:
+def _check_folder(out: Path, resume: bool) -> None:
+    """Refuse to go on with what is not there, or to start where something is."""
+    if resume:
+        RunDirectory.open(out)
+    elif out.exists() and not (out.is_dir() and not any(out.iterdir())):
+        raise RunError(f"{out}: exists and is not empty: choose another folder, or resume the run with --resume")
+
+
+def _train(training: Training, workers: int | None, quiet: bool) -> bool:
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -112,25 +101,14 @@ def _train(algorithm: Algorithm, env: Any, run: RunDirectory, options: Any, tota
         TimeElapsedColumn(),
         TimeRemainingColumn(),
     )
-    with stop_request() as stop, Progress(*columns, disable=options.json) as progress:
-        bar = progress.add_task(f"{algorithm.name} on {options.backend}", total=total_steps, metrics="")
+    with stop_request() as stop, Progress(*columns, disable=quiet) as progress:
+        bar = progress.add_task(f"{training.algorithm} on {training.backend}", total=training.total_steps, metrics="")
 
         def report(row: Mapping[str, float]) -> None:
             metrics = f"return {row['return_mean']:.2f}  cost {row['cost_mean']:.2f}  {row['steps_per_second']:,.0f}/s"
             progress.update(bar, completed=row["total_steps"], metrics=metrics)
 
-        return algorithm.train(
-            TrainingJob(
-                env=env,
-                run=run,
-                config=options.algorithm,
-                total_steps=total_steps,
-                seed=options.seed,
-                resume=options.resume,
-                report=report,
-                should_stop=stop,
-            )
-        )
+        return train(training, report, stop, workers)
 
 
 def _print_summary(run: RunDirectory, as_json: bool) -> None:

@@ -11,6 +11,7 @@ from typing import Any, Final
 import guard_api
 from guard_api import plugins
 from guard_api.errors import RunError, SpecError
+from guard_api.measure.training import Training
 from guard_api.runs.atomic import read_json, write_json
 from guard_api.runs.manifest import asset_hashes
 from guard_api.spec import EnvSpec
@@ -75,6 +76,23 @@ class TransferPlan:
             return self.cost_limit
         limit = getattr(self.config, "cost_limit", None)
         return None if limit is None else float(limit)
+
+    def training(self, out: Path, backend: str, seed: int) -> Training:
+        """Return the training of `seed` in `backend`, in the folder `out`."""
+        return Training(
+            path=out / "train" / backend / f"seed{seed}",
+            spec=self.spec,
+            backend=backend,
+            algorithm=self.algorithm,
+            config=self.config,
+            seed=seed,
+            total_steps=self.total_steps,
+            num_worlds=self.num_worlds,
+        )
+
+    def trainings(self, out: Path) -> list[Training]:
+        """Return all trainings, by backend and then seed."""
+        return [self.training(out, backend, seed) for backend in self.sources for seed in self.seeds]
 
     def deciders(self) -> dict[str, Any]:
         """Return everything that decides a single result, JSON-serialisable: not which backends and seeds there are."""

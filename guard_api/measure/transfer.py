@@ -17,11 +17,12 @@ from guard_api.algorithm import Algorithm, Policy
 from guard_api.env import Environment, make_environment
 from guard_api.errors import RunError
 from guard_api.measure.plan import TransferPlan, claim_folder
+from guard_api.measure.pool import train_all
 from guard_api.measure.result import TRANSFER_FORMAT
 from guard_api.measure.rollout import EpisodeTable, RandomPolicy, evaluate
 from guard_api.measure.statistics import COVERAGE, REPLICATES
 from guard_api.measure.summary import RANDOM, Tables, summarise
-from guard_api.measure.training import FINISHED, is_trained, run_path, train_all
+from guard_api.measure.training import FINISHED, Training, is_trained
 from guard_api.runs.atomic import read_json, write_json
 from guard_api.runs.directory import RunDirectory
 from guard_api.runs.manifest import asset_hashes, describe_machine, package_versions
@@ -62,7 +63,7 @@ def run_transfer(
     out = Path(out)
     claim_folder(plan, out)
     counter = _TrainingCounter(plan, out, report)
-    if not train_all(plan, out, counter, should_stop, jobs, workers):
+    if not train_all(plan.trainings(out), counter, should_stop, jobs=jobs, workers=workers):
         return None
     if not _evaluate_all(plan, out, workers, report, should_stop):
         return None
@@ -76,17 +77,23 @@ class _TrainingCounter:
     """Turns training rows into `Progress`; a run is done with the row that reaches its steps."""
 
     def __init__(self, plan: TransferPlan, out: Path, report: Callable[[Progress], None]) -> None:
-        self._runs = [(b, s) for b in plan.sources for s in plan.seeds]
-        self._plan, self._out, self._report = plan, out, report
-        self._trained: set[tuple[str, int]] = set()
+        self._trainings, self._report = plan.trainings(out), report
+        self._trained: set[Path] = set()
 
-    def __call__(self, backend: str, seed: int, row: Mapping[str, float]) -> None:
-        self._trained |= {(b, s) for b, s in self._runs if is_trained(self._out, b, s)}
-        if row["total_steps"] >= self._plan.total_steps:
-            self._trained.add((backend, seed))
-        done, total = len(self._trained), len(self._runs)
+    def __call__(self, training: Training, row: Mapping[str, float]) -> None:
+        self._trained |= {one.path for one in self._trainings if is_trained(one)}
+        if row["total_steps"] >= training.total_steps:
+            self._trained.add(training.path)
         self._report(
-            Progress(stage="train", source=backend, target=backend, seed=seed, done=done, total=total, row=row)
+            Progress(
+                stage="train",
+                source=training.backend,
+                target=training.backend,
+                seed=training.seed,
+                done=len(self._trained),
+                total=len(self._trainings),
+                row=row,
+            )
         )
 
 
@@ -121,7 +128,7 @@ def _evaluate_all(
 
 def _evaluate_cell(plan: TransferPlan, out: Path, env: Environment, source: str, target: str, seed: int) -> None:
     stream = plan.evaluation_seed + seed
-    checkpoint = None if source == RANDOM else _final_checkpoint(out, source, seed)
+    checkpoint = None if source == RANDOM else _final_checkpoint(plan.training(out, source, seed).path)
     policy: Policy
     if checkpoint is None:
         policy = RandomPolicy(env.action_size, stream)
@@ -143,9 +150,8 @@ def _evaluate_cell(plan: TransferPlan, out: Path, env: Environment, source: str,
     write_json(_cell_path(out, source, target, seed), cell)
 
 
-def _final_checkpoint(out: Path, backend: str, seed: int) -> Path:
+def _final_checkpoint(path: Path) -> Path:
     """Return the final policy's checkpoint: the rule is the last one, never one chosen by its results."""
-    path = run_path(out, backend, seed)
     name = read_json(path / FINISHED, f"delete {path} to train it again").get("checkpoint")
     return path / "checkpoints" / str(name)
 
@@ -170,7 +176,7 @@ def _result(plan: TransferPlan, out: Path) -> dict[str, Any]:
         for target in plan.backends
     }
     tables: Tables = {key: [EpisodeTable.from_json(c["episodes"]) for c in cells] for key, cells in raw.items()}
-    runs = {(b, k): RunDirectory.open(run_path(out, b, k)) for b in plan.sources for k in plan.seeds}
+    runs = {(b, k): RunDirectory.open(plan.training(out, b, k).path) for b in plan.sources for k in plan.seeds}
     cells, transfers = summarise(tables, plan.limit)
     return {
         "format": TRANSFER_FORMAT,

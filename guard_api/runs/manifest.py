@@ -11,6 +11,7 @@ import re
 import shlex
 import subprocess
 import sys
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
@@ -27,9 +28,19 @@ if TYPE_CHECKING:
 
 
 def build_manifest(
-    *, env_spec: EnvSpec, backend: Backend, algorithm: str, seed: int, num_worlds: int, total_steps: int
+    *,
+    env_spec: EnvSpec,
+    backend: Backend,
+    algorithm: str,
+    seed: int,
+    num_worlds: int,
+    total_steps: int,
+    preset: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """Return the manifest of a training run, JSON-serialisable; unknown facts are None, never guessed."""
+    """Return the manifest of a training run, JSON-serialisable; unknown facts are None, never guessed.
+
+    preset: its name, and what of the settings was `changed`; None where there was none.
+    """
     return {
         "env": env_spec.name,
         "spec": env_spec.to_json(),
@@ -39,6 +50,7 @@ def build_manifest(
         "seed": seed,
         "num_worlds": num_worlds,
         "total_steps": total_steps,
+        "preset": preset,
         "versions": {**package_versions(), **backend.versions()},
         "assets": asset_hashes(env_spec.robot),
         **describe_machine(),

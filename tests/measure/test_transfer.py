@@ -15,7 +15,6 @@ import pytest
 from guard_api.errors import RunError, SpecError
 from guard_api.measure.plan import TransferPlan
 from guard_api.measure.report import write_report
-from guard_api.measure.training import run_path
 from guard_api.measure.transfer import Progress, run_transfer
 from guard_api.model import library
 from guard_api.runs import manifest
@@ -140,7 +139,7 @@ def test_a_crash_in_an_evaluation_keeps_the_finished_cells(toy, make_plan, tmp_p
 def test_a_run_killed_before_its_first_checkpoint_starts_again(toy, make_plan, tmp_path: Path):
     plan = make_plan(seeds=(0,), backends=("exact",))
     run_transfer(plan, tmp_path)
-    path = run_path(tmp_path, "exact", 0)
+    path = make_plan().training(tmp_path, "exact", 0).path
     (path / "finished.json").unlink()
     for checkpoint in (path / "checkpoints").iterdir():
         for file in checkpoint.iterdir():
