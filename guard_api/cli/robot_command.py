@@ -125,7 +125,7 @@ def _check(options: Check) -> int:
 
 
 def _print_check(robot: RobotModel, reports: Sequence[ConformanceReport]) -> None:
-    """Print the notes of `robot`, a table of findings by backends, and why any check did not simply pass."""
+    """Print the notes of `robot`, a table of findings by backends, what they approximate, and why a check failed."""
     for note in robot.notes:
         print(f"note: {note}")
     cells: dict[tuple[str, str], dict[str, str]] = {}
@@ -139,6 +139,8 @@ def _print_check(robot: RobotModel, reports: Sequence[ConformanceReport]) -> Non
     rows = [(what, unit, *(row.get(name, "") for name in names)) for (what, unit), row in cells.items()]
     print_table(f"{robot.name}: largest difference from the model", ("quantity", "unit", *names), rows)
     for report in reports:
+        for sentence in report.approximations.get(robot.name, ()):
+            print(f"{report.backend}: approximation: {sentence}")
         for result in report.results:
             if result.reason:
                 print(f"{report.backend}: {result.title} {result.status}: {result.reason}")

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal, TypeAlias
 
-from guard_api.errors import SpecError, unknown_name
+from guard_api.errors import GuardError, SpecError, unknown_name
 from guard_api.model.robot import RobotModel
 from guard_api.physics.backend import Backend, Capabilities
+from guard_api.scene.spec import SceneSpec
 from guard_api.testing.checks import ALL
 from guard_api.testing.checks.check import Check, Finding
 from guard_api.testing.checks.own_robot import robot_checks
@@ -50,17 +51,21 @@ class CheckResult:
     @property
     def worst(self) -> Finding | None:
         """The finding nearest to, or furthest over, its tolerance; None when the check raised before it measured."""
-        return max(self.findings, key=_strain, default=None)
+        return max(self.findings, key=lambda finding: finding.strain, default=None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConformanceReport:
-    """The results of all checks on one backend, and the packages that decided its numbers."""
+    """The results of all checks on one backend, and the packages that decided its numbers.
+
+    approximations: robot -> what of it, alone on the ground, this engine does not express exactly, one sentence each.
+    """
 
     backend: str
     versions: Mapping[str, str]
     precision: str
     results: tuple[CheckResult, ...]
+    approximations: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def passed(self) -> bool:
@@ -71,7 +76,8 @@ class ConformanceReport:
         """Return the report as plain JSON data; numbers that JSON lacks (NaN, infinity) become strings."""
         results = [asdict(result) | {"passed": result.passed} for result in self.results]
         report = {"backend": self.backend, "versions": dict(self.versions), "precision": self.precision,
-                  "passed": self.passed, "results": results}  # fmt: skip
+                  "passed": self.passed, "results": results,
+                  "approximations": {robot: list(told) for robot, told in self.approximations.items()}}  # fmt: skip
         return _finite(report)
 
 
@@ -92,9 +98,24 @@ def check_robots(
 ) -> ConformanceReport:
     """Run only the checks of `robots` on `backend`: whether what the engine holds is the robot of the model.
 
-    Their results are named `check:robot`. Raises SpecError for an unknown clause.
+    Their results are named `check:robot`; the report says too what the engine only approximates.
+    Raises SpecError for an unknown clause.
     """
-    return _run(backend, [item for robot in robots for item in robot_checks(robot)], clauses)
+    robots = tuple(robots)
+    report = _run(backend, [item for robot in robots for item in robot_checks(robot)], clauses)
+    return replace(report, approximations={robot.name: _approximations(backend, robot) for robot in robots})
+
+
+def _approximations(backend: Backend, robot: RobotModel) -> tuple[str, ...]:
+    """Return what `backend` cannot say exactly of `robot` on the ground, or why it refuses the robot."""
+    try:
+        world = backend.build(SceneSpec(robot=robot, timestep=robot.timestep), 1)
+    except GuardError as error:
+        return (f"refused: {error}",)
+    try:
+        return tuple(world.approximations)
+    finally:
+        world.close()
 
 
 def _run(backend: Backend, checks: Iterable[Check], clauses: Iterable[str] | None) -> ConformanceReport:
@@ -159,13 +180,6 @@ def _foreign_gaps(capabilities: Capabilities) -> list[CheckResult]:
         )
         for name in capabilities.gaps if name not in known
     ]  # fmt: skip
-
-
-def _strain(finding: Finding) -> float:
-    """Return how far a finding uses its tolerance: 1 at the tolerance; NaN counts as infinite."""
-    if math.isnan(finding.value):
-        return math.inf
-    return finding.value / finding.tolerance if finding.tolerance > 0 else (math.inf if finding.value > 0 else 0.0)
 
 
 def _finite(value: Any) -> Any:

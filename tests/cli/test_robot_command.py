@@ -90,6 +90,7 @@ def test_check_compares_the_installed_backends(capsys: pytest.CaptureFixture[str
     assert code == 0
     assert "mass matrix" in table
     assert "the same robot in ideal" in table
+    assert "ideal: approximation: nothing touches anything" in table
 
 
 def test_check_lists_every_problem_of_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -25,6 +26,13 @@ class Finding:
     def holds(self) -> bool:
         """Whether the measurement is inside its tolerance."""
         return bool(self.value <= self.tolerance)
+
+    @property
+    def strain(self) -> float:
+        """How far it uses its tolerance: 1 at the tolerance; NaN counts as infinite."""
+        if math.isnan(self.value):
+            return math.inf
+        return self.value / self.tolerance if self.tolerance > 0 else (math.inf if self.value > 0 else 0.0)
 
 
 Measure: TypeAlias = Callable[[Backend], list[Finding]]
@@ -73,6 +81,15 @@ def error(what: str, got: ArrayLike, expected: ArrayLike, tolerance: float, unit
     got, expected = np.asarray(got, float), np.asarray(expected, float)
     difference = np.abs(got - expected)
     return Finding(what=what, value=float(difference.max()) if difference.size else 0.0, tolerance=tolerance, unit=unit)
+
+
+def worst(findings: Iterable[Finding]) -> list[Finding]:
+    """Return of the measurements of each quantity the one nearest to, or furthest over, its tolerance."""
+    kept: dict[str, Finding] = {}
+    for finding in findings:
+        if finding.what not in kept or finding.strain > kept[finding.what].strain:
+            kept[finding.what] = finding
+    return list(kept.values())
 
 
 def rounding(backend: Backend, scale: float = 1.0, steps: int = 1, operations: int = 256) -> float:

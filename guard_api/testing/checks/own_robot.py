@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Final
 
 from guard_api.model.robot import RobotModel
 from guard_api.physics.backend import Backend
@@ -16,6 +17,9 @@ from guard_api.testing.checks.mechanics import (
     reset_links,
 )
 
+ROUNDS: Final = 25
+"""Rounds of `WORLDS` random configurations: a hundred for each robot."""
+
 
 def robot_checks(robot: RobotModel) -> tuple[Check, ...]:
     """Return the checks of the mechanics of `robot`, without what touches or rubs; named `check:robot`."""
@@ -23,11 +27,11 @@ def robot_checks(robot: RobotModel) -> tuple[Check, ...]:
     bare = replace(robot, links=tuple(replace(link, collisions=()) for link in robot.links), joints=joints)
     floating = "floating_" if robot.floating else ""
     measures: list[tuple[str, str, Callable[[Backend, RobotModel], list[Finding]]]] = [
-        ("C3", "links_after_reset", reset_links),
+        ("C3", "links_after_reset", lambda backend, model: reset_links(backend, model, ROUNDS)),
         ("C4", "link_inertials", held_inertials),
-        ("C4", f"{floating}mass_matrix", lambda backend, model: [held_mass_matrix(backend, model)]),
-        ("C4", f"{floating}bias_force", lambda backend, model: [held_bias_force(backend, model)]),
-        ("C4", "acceleration", lambda backend, model: [joint_acceleration(backend, model)]),
+        ("C4", f"{floating}mass_matrix", lambda backend, model: [held_mass_matrix(backend, model, ROUNDS)]),
+        ("C4", f"{floating}bias_force", lambda backend, model: [held_bias_force(backend, model, ROUNDS)]),
+        ("C4", "acceleration", lambda backend, model: [joint_acceleration(backend, model, ROUNDS)]),
     ]
     return tuple(_check(clause, f"{name}:{robot.name}", measure, bare) for clause, name, measure in measures)
 
