@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
+from guard_api import rotations
+from guard_api.model.kinematics import Kinematics
 from guard_api.model.problems import Problems
 from guard_api.model.robot import PLANAR_JOINTS, BaseKind, Joint, Link, RobotModel
 from guard_api.model.sidefile import SideFile
@@ -15,6 +19,9 @@ WORLD = "world"
 
 PLANAR_LINKS = (WORLD, "base_x", "base_y")
 """Massless links that the planar joints hang on, in order."""
+
+LEVEL = 1e-6
+"""Largest component of an axis [1] that counts as none."""
 
 BASE_KINDS = ("planar", "floating")
 """Kinds of joints that only a base may have, below a link `world`."""
@@ -93,6 +100,31 @@ def without_base(model: RobotModel) -> tuple[tuple[Link, ...], tuple[Joint, ...]
     """Return the links and joints of `model` from its root link on: those of a robot file."""
     skip = len(PLANAR_LINKS) if model.base == "planar" else 0
     return model.links[skip:], model.joints[skip:]
+
+
+def footing_notes(model: RobotModel) -> tuple[str, ...]:
+    """Return a sentence on a planar robot that meets the ground at a fixed height, without a joint that gives way.
+
+    No mechanics says how hard such a robot presses on the ground: a ball held 0.1 mm in the floor feels 0 N in
+    PyBullet, where it slides without friction, 150 N in MuJoCo and 6300 N in SAPIEN.
+    """
+    if model.base != "planar" or not model.collide_ground:
+        return ()
+    rest = np.zeros((1, len(model.joints)))
+    poses = Kinematics(model).poses(np.zeros((1, 3)), np.array([[1.0, 0.0, 0.0, 0.0]]), rest)
+    rising = {model.links[0].name: False}
+    for joint in model.joints:  # parents before children
+        axis = rotations.rotate(poses.quaternion[0, model.link_index(joint.child)], np.array(joint.axis))
+        slides = joint.kind == "prismatic"
+        gives = abs(axis[2]) > LEVEL if slides else bool(np.abs(axis[:2]).max() > LEVEL)
+        rising[joint.child] = rising[joint.parent] or gives
+    touching = [link.name for link in model.links if link.collisions]
+    if not touching or any(rising[name] for name in touching):
+        return ()
+    return (
+        f"the robot meets the ground at a fixed height, and nothing in it can give way ({', '.join(touching)}): "
+        "how hard it presses and rubs is each engine's own; give it a vertical slide, or leave collide_ground out",
+    )
 
 
 def _height(joint: TreeJoint, side: SideFile, problems: Problems) -> float:

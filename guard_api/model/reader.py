@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from guard_api.model.ball import expand_balls
-from guard_api.model.base import resolve_base, with_base
+from guard_api.model.base import footing_notes, resolve_base, with_base
 from guard_api.model.inertia import of_solids, positive_definite
 from guard_api.model.merge import Body, merge_fixed
 from guard_api.model.mjcf.reader import read_mjcf
@@ -88,7 +88,8 @@ def build_robot(tree: Tree, side: SideFile, problems: Problems) -> RobotModel:
         licence=side.licence,
         notes=tuple(problems.notes),
     )
-    return with_base(model, side)
+    model = with_base(model, side)
+    return replace(model, notes=(*model.notes, *footing_notes(model)))
 
 
 def _with_mass(link: TreeLink, side: SideFile, problems: Problems) -> TreeLink:

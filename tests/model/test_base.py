@@ -37,6 +37,20 @@ def test_a_planar_base_with_springs_that_walks_on_the_ground(tmp_path: Path) -> 
     assert (robot.home.height, robot.joints[0].origin.position) == (0.7, (0.0, 0.0, 0.7))
 
 
+@pytest.mark.parametrize(
+    ("kind", "axis", "noted"),
+    [("continuous", "0 0 1", True), ("prismatic", "1 0 0", True),
+     ("prismatic", "0 0 1", False), ("continuous", "1 0 0", False)],
+)  # fmt: skip
+def test_a_note_on_a_robot_held_at_a_height_that_nothing_in_it_can_give_way_to(kind, axis, noted, tmp_path) -> None:
+    foot = link("b", '<collision><geometry><sphere radius="0.1"/></geometry></collision>')
+    limit = '<limit lower="-1" upper="1" effort="1" velocity="1"/>' if kind == "prismatic" else ""
+    parts = (link("a"), foot, joint("j", kind, "a", "b", f'<axis xyz="{axis}"/>{limit}'))
+    notes = load(tmp_path, *parts, toml='collide_ground = true\n[base]\nkind = "planar"').notes
+    assert any("at a fixed height" in note and "(b)" in note for note in notes) == noted
+    assert not any("at a fixed height" in note for note in load(tmp_path, *parts, toml='[base]\nkind = "planar"').notes)
+
+
 @pytest.mark.parametrize("kind", ["planar", "floating"])
 def test_a_base_from_the_urdf(kind: str, tmp_path: Path) -> None:
     free = joint("free", kind, "world", "a", Z, xyz="0 0 0.3")
