@@ -1,8 +1,13 @@
-"""What all tests share: which backends are installed."""
+"""What all tests share: which backends are installed, one thread for linear algebra, how many examples are tried."""
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
+
+# Read when NumPy and PyTorch are first imported. Threads that wait in a loop for each other's shares of tiny matrices
+# take ten times the time of the arithmetic, and more where two processes of tests share two cores.
+os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"))
 
 import pytest
 from hypothesis import settings

@@ -13,7 +13,7 @@ from guard_api import plugins
 from guard_api.algorithm import deciding_options, find_preset
 from guard_api.cli.main import run
 
-TINY = ["--env", "Goal_Point_8Hazards", "--backend", "ideal", "--num-worlds", "1", "--total-steps", "1000"]
+TINY = ["--env", "Goal_Point_8Hazards", "--backend", "mujoco", "--num-worlds", "1", "--total-steps", "1000"]
 TINY += ["--steps-per-epoch", "1000", "--value-iterations", "1", "--json"]
 NO_VALUE_IN_THE_PAPER = {"barrier_t", "multiplier_max", "cost_limits", "thresholds"}
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 
 import gymnasium
 import numpy as np
@@ -12,6 +13,7 @@ from gymnasium.utils.env_checker import check_env
 import guard_api.gym
 from guard_api.env import FAILURE_COST, FAILURE_REWARD, Environment, make_environment
 from guard_api.errors import SpecError
+from guard_api.suite import make_spec
 
 ENV = "Goal_Point_8Hazards"
 
@@ -55,7 +57,7 @@ def test_reaches_guards_speeds(backend_name: str) -> None:
     """GUARD's Point: 1.50 m/s at action (1, 0) and 3.0 rad/s at (0, 1), within 1 %."""
     env = make_environment(ENV, backend=backend_name, num_worlds=2)
     env.reset()
-    for _ in range(300):
+    for _ in range(200):
         observation = env.step(np.array([[1.0, 0.0], [0.0, 1.0]])).observation
     assert observation[0, LAYOUT["velocimeter"]][0] == pytest.approx(1.5, rel=0.01)
     assert observation[1, LAYOUT["gyro"]][2] == pytest.approx(3.0, rel=0.01)
@@ -63,9 +65,9 @@ def test_reaches_guards_speeds(backend_name: str) -> None:
 
 
 def test_same_seed_same_bits_and_worlds_independent_of_their_number(backend_name: str) -> None:
-    tape = actions(5, 60)
+    tape = actions(5, 30)
     runs = []
-    for worlds in (5, 5, 3, 1):
+    for worlds in (5, 5, 1):
         env = make_environment(ENV, backend=backend_name, num_worlds=worlds, seed=3, workers=1)
         runs.append(rollout(env, tape[:, :worlds]))
         env.close()
@@ -93,16 +95,17 @@ def test_starts_differ_between_worlds_episodes_and_seeds() -> None:
 
 
 def test_episode_is_truncated_not_terminated_and_its_last_observation_is_right(backend_name: str) -> None:
-    env = make_environment(ENV, backend=backend_name, num_worlds=2, seed=1)
-    tape = actions(2, env.episode_length)
+    assert make_spec(ENV).episode_length == 1000
+    spec = replace(make_spec(ENV), episode_length=30)
+    env = make_environment(spec, backend=backend_name, num_worlds=2, seed=1)
+    tape = actions(2, 30)
     env.reset()
     for i, action in enumerate(tape):
         step = env.step(action)
         assert step.truncated.all() == (i == env.episode_length - 1)
         assert not step.terminated.any()
     # The same episode again, stopped one step earlier, shows what the last observation must be.
-    twin = make_environment(ENV, backend=backend_name, num_worlds=2, seed=1)
-    twin.episode_length += 1
+    twin = make_environment(replace(spec, episode_length=31), backend=backend_name, num_worlds=2, seed=1)
     twin.reset()
     for action in tape:
         true_last = twin.step(action).observation
@@ -149,6 +152,8 @@ def test_reached_goal_pays_and_moves(backend_name: str) -> None:
         assert (before.reward[before.success] > 0.9).all()
         reached += before.success
         observation = before.observation
+        if (reached >= 2).all():
+            break
     assert (reached >= 2).all()
     env.close()
 
