@@ -69,5 +69,6 @@ def _describe(env: Environment) -> dict[str, Any]:
 
 
 def _cell(env: Environment) -> Cell:
-    objects = ", ".join(f"{group.count} {group.name}" for group in env.groups)
+    kinds = {"driven": "solid "}  # the other kinds show
+    objects = ", ".join(f"{group.count} {kinds.get(group.body.physics, '')}{group.name}" for group in env.groups)
     return Cell(title=env.spec.name, caption=objects, image=environment_picture(env, size=CELL))

@@ -28,8 +28,8 @@ class Circle:
 
     def objects(self) -> tuple[BodyGroup, ...]:
         """Return the circle, a phantom at the origin."""
-        disc = Cylinder(radius=self.radius, half_length=0.01)
-        body = BodySpec(shape=disc, physics="phantom", height=0.02, keepout=0.0, rgba=(0.0, 1.0, 0.0, 0.1))
+        disc = Cylinder(radius=self.radius, half_length=0.005)
+        body = BodySpec(shape=disc, physics="phantom", height=0.005, keepout=0.0, rgba=(0.0, 1.0, 0.0, 0.1))
         return (BodyGroup(name="circle", body=body, count=1, placement=Placement(locations=((0.0, 0.0),))),)
 
     def move(self, now: Snapshot, duration: float) -> dict[str, Array]:

@@ -27,8 +27,8 @@ class Defense:
 
     def objects(self) -> tuple[BodyGroup, ...]:
         """Return the targets and the circle, a phantom at the origin."""
-        disc = Cylinder(radius=self.radius, half_length=0.01)
-        body = BodySpec(shape=disc, physics="phantom", height=0.02, keepout=0.0, rgba=(0.0, 1.0, 0.0, 0.1))
+        disc = Cylinder(radius=self.radius, half_length=0.005)
+        body = BodySpec(shape=disc, physics="phantom", height=0.005, keepout=0.0, rgba=(0.0, 1.0, 0.0, 0.1))
         circle = BodyGroup(name="circle", body=body, count=1, placement=Placement(locations=((0.0, 0.0),)))
         return (self.targets.group(), circle)
 
