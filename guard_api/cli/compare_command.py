@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -15,11 +15,13 @@ from guard_api.cli.options import parse, whole_steps
 from guard_api.cli.output import print_json, print_table
 from guard_api.measure.bench import bench
 from guard_api.measure.cells import Cell, run_cells
+from guard_api.measure.conformance import measure_conformance
 from guard_api.measure.divergence import measure_divergence
 from guard_api.measure.endurance import measure_endurance
 from guard_api.measure.locomotion import measure_locomotion, moves_by_contact
 from guard_api.measure.robots_page import lost_worlds, refresh, tables
 from guard_api.measure.tapes import Drive
+from guard_api.measure.targets import FIGURES, measure_targets
 from guard_api.model.library import load_robot, robot_names
 from guard_api.runs.atomic import write_text
 from guard_api.scene.spec import ContactPreset
@@ -141,6 +143,28 @@ class Endurance(Which):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Conformance(Which):
+    """What `guard conform` finds of each robot on each simulator."""
+
+    measure: ClassVar = "conformance"
+
+    def cells(self) -> list[Cell]:
+        """Return one cell per robot and simulator."""
+        return _by_robot_and_backend(self.robots or robot_names(), self.backends, measure_conformance)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Targets(Which):
+    """GUARD's own figures of its robots, on each simulator."""
+
+    measure: ClassVar = "targets"
+
+    def cells(self) -> list[Cell]:
+        """Return one cell per robot and simulator."""
+        return _by_robot_and_backend(self.robots or tuple(FIGURES), self.backends, measure_targets)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Bench(Which):
     """Environment steps per second, and the share of what the bare engine reaches; on a quiet machine."""
 
@@ -182,9 +206,11 @@ class Page:
     """Page to make."""
 
 
-Measure = Divergence | Locomotion | Endurance | Bench
+Measure = Conformance | Targets | Divergence | Locomotion | Endurance | Bench
 Options = Annotated[
-    Annotated[Divergence, tyro.conf.subcommand("divergence")]
+    Annotated[Conformance, tyro.conf.subcommand("conformance")]
+    | Annotated[Targets, tyro.conf.subcommand("targets")]
+    | Annotated[Divergence, tyro.conf.subcommand("divergence")]
     | Annotated[Locomotion, tyro.conf.subcommand("locomotion")]
     | Annotated[Endurance, tyro.conf.subcommand("endurance")]
     | Annotated[Bench, tyro.conf.subcommand("bench")]
@@ -226,11 +252,26 @@ def _measure(options: Measure) -> list[dict[str, Any]]:
 
 def _failed(record: dict[str, Any]) -> bool:
     values = record.get("values")
-    if values is None:
+    if values is None or any(check["status"] in ("failed", "error") for check in values.get("checks", ())):
         return True
     lost = values.get("lost", 0)
     ended = lost_worlds(values.get("failures", {}))
     return bool(ended or (sum(lost.values()) if isinstance(lost, dict) else lost))
+
+
+def _by_robot_and_backend(
+    robots: Sequence[str], backends: Sequence[str], measure: Callable[[str, str], dict[str, Any]]
+) -> list[Cell]:
+    return [
+        Cell(
+            key={"robot": robot, "backend": backend},
+            robot=robot,
+            backends=(backend,),
+            settings={},
+            measure=lambda robot=robot, backend=backend: measure(robot, backend),
+        )
+        for robot, backend in product(robots, backends)
+    ]
 
 
 def _env(task: str, robot: str) -> str:

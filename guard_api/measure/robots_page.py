@@ -15,10 +15,11 @@ from guard_api.errors import RunError
 from guard_api.measure.cells import read_records
 from guard_api.measure.divergence import median_time
 from guard_api.measure.locomotion import QUANTITIES, differs, interval
+from guard_api.measure.targets import FIGURES, NEAR, Figure
 
 Records = Sequence[Mapping[str, Any]]
 
-MEASURES: Final = ("divergence", "locomotion", "endurance", "bench")
+MEASURES: Final = ("conformance", "targets", "divergence", "locomotion", "endurance", "bench")
 """The measurements, each in a file and a part of the page of its name."""
 
 CROWDED: Final = "no free place"
@@ -46,7 +47,8 @@ class Table:
 
 def tables(measure: str, records: Records) -> list[Table]:
     """Return the tables of one of `MEASURES`; none of no records."""
-    make = {"divergence": _divergence, "locomotion": _locomotion, "endurance": _endurance, "bench": _bench}[measure]
+    make = {"conformance": _conformance, "targets": _targets, "divergence": _divergence, "locomotion": _locomotion,
+            "endurance": _endurance, "bench": _bench}[measure]  # fmt: skip
     return make(records) if records else []
 
 
@@ -75,6 +77,58 @@ def refresh(page: Path, folder: Path) -> str:
 def lost_worlds(failures: Mapping[str, int]) -> int:
     """Return how many of the episodes in `failures`, reason -> count, the physics ended."""
     return sum(count for reason, count in failures.items() if not reason.startswith(CROWDED))
+
+
+def _conformance(records: Records) -> list[Table]:
+    def verdict(record: Mapping[str, Any]) -> str:
+        if "error" in record:
+            return record["error"]
+        statuses = [check["status"] for check in record["values"]["checks"]]
+        failed, gaps = sum(s in ("failed", "error") for s in statuses), statuses.count("gap")
+        parts = [f"{len(statuses) - failed - gaps} hold"]
+        return ", ".join(parts + [f"{gaps} gaps"] * bool(gaps) + [f"**{failed} fail**"] * bool(failed))
+
+    gaps: dict[tuple[str, str, str], list[str]] = {}
+    told: dict[tuple[str, str], list[str]] = {}
+    for record in (record for record in records if "values" in record):
+        for check in record["values"]["checks"]:
+            if check["status"] != "passed":
+                reason = check["reason"] or f"{check['what']}: {check['value']:.2g} > {check['tolerance']:.2g}"
+                gaps.setdefault((record["backend"], check["check"].replace("_", " "), reason), []).append(
+                    record["robot"]
+                )
+        for sentence in record["values"]["approximations"]:
+            told.setdefault((record["backend"], sentence), []).append(record["robot"])
+    made = [_by_backend("Checks of each robot", records, verdict)]
+    if gaps:
+        rows = tuple((", ".join(robots), *key) for key, robots in gaps.items())
+        made.append(Table(title="What does not hold, and why", columns=("robot", "backend", "check", "why"), rows=rows))
+    if told:
+        rows = tuple((", ".join(robots), *key) for key, robots in sorted(told.items(), key=lambda i: _order(i[0][0])))
+        made.append(Table(title="What an engine only approximates", columns=("robot", "backend", "what"), rows=rows))
+    return made
+
+
+def _targets(records: Records) -> list[Table]:
+    values = {(record["robot"], record["backend"]): record.get("values", {}) for record in records}
+    backends = sorted({backend for _, backend in values}, key=_order)
+    rows = []
+    for robot in dict.fromkeys(robot for robot, _ in values):
+        for figure in FIGURES[robot]:
+            cells = [_figure(figure, values.get((robot, backend), {})) for backend in backends]
+            rows.append((robot, f"{figure.name} [{figure.unit}]", f"{figure.guard:g}", *cells, figure.why))
+    columns = ("robot", "figure", "GUARD", *backends, "why it differs")
+    title = f"GUARD's own figures; a star: more than {NEAR:.0%} from them"
+    return [Table(title=title, columns=columns, rows=tuple(rows))] + (
+        [_refusals(records)] if any("error" in record for record in records) else []
+    )
+
+
+def _figure(figure: Figure, values: Mapping[str, float]) -> str:
+    if figure.name not in values:
+        return "not yet"
+    value = values[figure.name]
+    return f"{value:.3g}" + ("*" if abs(value - figure.guard) > NEAR * abs(figure.guard) else "")
 
 
 def _divergence(records: Records) -> list[Table]:

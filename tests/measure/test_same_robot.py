@@ -253,6 +253,8 @@ def test_a_lost_world_fails_the_command(tmp_path: Path, monkeypatch, capsys, rea
 def test_every_measure_has_tables(tmp_path: Path, capsys):
     common = ["--robots", "point", "--backends", "ideal", "--out", str(tmp_path), "--json"]
     sizes = {
+        "conformance": [],
+        "targets": [],
         "divergence": ["--worlds", "2", "--seconds", "0.1"],
         "locomotion": ["--seeds", "2", "--seconds", "0.1"],
         "bench": ["--num-worlds", "1", "--blocks", "1", "--block-seconds", "0.01"],
