@@ -11,7 +11,7 @@ from guard_api.cli.output import print_json, print_table
 from guard_api.errors import SpecError
 from guard_api.measure.bench import BenchResult, bench
 
-BLOCKS: Final = 9
+BLOCKS: Final = 101
 """Blocks of environment steps and of raw steps, taken in turns; odd, so that the median is one of them."""
 
 
@@ -50,11 +50,13 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _print(result: BenchResult) -> None:
+    low, high = result.efficiency_quartiles
     memory = "?" if result.memory_per_world is None else f"{result.memory_per_world / 1e6:.2f} MB"
     rows = [
         ("environment steps/s", result.env_steps_per_second),
         (f"raw engine steps/s / {result.substeps}", result.raw_steps_per_second / result.substeps),
         ("efficiency", result.efficiency),
+        ("half of the turns between", f"{low:.3f} and {high:.3f}"),
         ("time spent in resets", f"{100 * result.reset_share:.2f} %"),
         ("memory per world", memory),
     ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from guard_api.physics.transition import Array, Snapshot
+from guard_api.physics.transition import Array, Snapshot, planar_distance
 
 
 def depth(now: Snapshot, centres: Array, size: float, *, spatial: bool) -> Array:
@@ -15,5 +15,4 @@ def depth(now: Snapshot, centres: Array, size: float, *, spatial: bool) -> Array
     """
     if spatial:
         return np.maximum(size - now.distance(centres), 0.0)
-    x, y = centres[..., 0] - now.position[:, :1], centres[..., 1] - now.position[:, 1:2]
-    return np.maximum(size - np.sqrt(x * x + y * y), 0.0)
+    return np.maximum(size - planar_distance(now.position, centres), 0.0)

@@ -3,7 +3,8 @@
     efficiency = environment steps/s / (raw engine steps/s / substeps)
 
 The raw engine is `World.step_raw`: the same world, with the same actuation law, reading nothing back. Both are timed in
-one process in blocks that take turns, so that a machine that gets slower or faster slows or speeds both.
+one process in short blocks that take turns. A shared machine changes its speed by a factor of two within seconds, so
+every block is compared with the raw one right after it, and the efficiency is the median over all turns.
 """
 
 from __future__ import annotations
@@ -30,10 +31,11 @@ class BenchResult:
     """One measurement of one environment on one backend.
 
     env_steps_per_second: over all worlds, resets included as often as episodes end. raw_steps_per_second: engine
-    timesteps over all worlds. efficiency: see the module. reset_share: share of the time of whole episodes.
+    timesteps over all worlds; both medians over the blocks. efficiency: see the module; efficiency_quartiles: of the
+    turns, which the median lies between. reset_share: share of the time of whole episodes.
     memory_per_world: growth of the resident memory of this process and its children, per world [bytes]; None where
     the system does not tell. blocks: how often each was timed; block_steps: environment steps in each block.
-    spread: (largest - smallest) / median of the blocks' environment times.
+    spread: (largest - smallest) / median of the blocks' environment times: how unsteady the machine was.
     """
 
     env: str
@@ -44,6 +46,7 @@ class BenchResult:
     env_steps_per_second: float
     raw_steps_per_second: float
     efficiency: float
+    efficiency_quartiles: tuple[float, float]
     reset_share: float
     memory_per_world: float | None
     blocks: int
@@ -61,8 +64,8 @@ def bench(
     num_worlds: int = 64,
     workers: int | None = None,
     *,
-    blocks: int = 9,
-    block_seconds: float = 0.3,
+    blocks: int = 101,
+    block_seconds: float = 0.05,
 ) -> BenchResult:
     """Measure `env` on `backend`, with random actions, in `blocks` pairs of blocks of about `block_seconds`.
 
@@ -80,21 +83,20 @@ def bench(
         reset_time = float(np.median([_timed(lambda e=e: environment.reset(episode=e)) for e in range(RESETS)]))
     finally:
         environment.close()
-    step_time = float(np.median(env_times)) / steps
-    episode_time = environment.episode_length * step_time + reset_time
-    raw_time = float(np.median(raw_times)) / steps
-    env_rate = num_worlds * environment.episode_length / episode_time
-    raw_rate = num_worlds * environment.substeps / raw_time
+    stepping_time = environment.episode_length * float(np.median(env_times)) / steps
+    reset_share = reset_time / (stepping_time + reset_time)
+    low, median, high = (1.0 - reset_share) * np.percentile(raw_times / env_times, (25.0, 50.0, 75.0))
     return BenchResult(
         env=environment.spec.name,
         backend=backend,
         num_worlds=num_worlds,
         workers=workers,
         substeps=environment.substeps,
-        env_steps_per_second=env_rate,
-        raw_steps_per_second=raw_rate,
-        efficiency=env_rate / (raw_rate / environment.substeps),
-        reset_share=reset_time / episode_time,
+        env_steps_per_second=num_worlds * environment.episode_length / (stepping_time + reset_time),
+        raw_steps_per_second=num_worlds * environment.substeps * steps / float(np.median(raw_times)),
+        efficiency=float(median),
+        efficiency_quartiles=(float(low), float(high)),
+        reset_share=reset_share,
         memory_per_world=None if before is None or after is None else max(after - before, 0) / num_worlds,
         blocks=blocks,
         block_steps=steps,
@@ -134,13 +136,13 @@ def _block_steps(env: Environment, seconds: float) -> int:
     return max(1, min(int(seconds / per_step), env.episode_length - 1))
 
 
-def _take_turns(env: Environment, actions: np.ndarray, blocks: int) -> tuple[list[float], list[float]]:
+def _take_turns(env: Environment, actions: np.ndarray, blocks: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the times of `blocks` blocks of environment steps and of as many of raw steps, taken in turns [s]."""
-    env_times, raw_times = [], []
+    env_times, raw_times = np.empty(blocks), np.empty(blocks)
     for block in range(blocks):
         env.reset(episode=block)
-        env_times.append(_timed(lambda: _step_all(env, actions)))
-        raw_times.append(_timed(lambda: _step_raw(env, len(actions))))
+        env_times[block] = _timed(lambda: _step_all(env, actions))
+        raw_times[block] = _timed(lambda: _step_raw(env, len(actions)))
     return env_times, raw_times
 
 

@@ -12,11 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from guard_api import rotations
-from guard_api.model.kinematics import rows_of
+from guard_api import kernels, rotations
 from guard_api.model.robot import Frame, RobotModel
 from guard_api.physics.state import State
-from guard_api.shapes import IDENTITY, ORIGIN
+from guard_api.shapes import ORIGIN
 
 Array = NDArray[np.float64]
 
@@ -100,14 +99,15 @@ class SnapshotReader:
         self._link = robot.link_index(reference.link)
         self._offset = np.array(reference.pose.position) if reference.pose.position != ORIGIN else None
         self._sensing = _FrameReader(robot, robot.lidar) if robot.lidar else None
-        self._segments = _FrameReader(robot, [frame for s in robot.segments for frame in (s.start, s.end)])
+        ends = [frame for segment in robot.segments for frame in (segment.start, segment.end)]
+        self._ends = _FrameReader(robot, ends) if ends else None
         self._radius = np.array([segment.radius for segment in robot.segments])
 
     def read(self, state: State, **rest: Any) -> Snapshot:
         """Return the snapshot of `state`; `rest` are the fields that are not the robot's."""
         position, rotation = self._reference.read(state)
         sensing = (position, rotation) if self._sensing is None else self._sensing.read(state)
-        ends = self._segments.positions(state)
+        ends = np.empty((len(position), 0, 3)) if self._ends is None else self._ends.read(state)[0]
         velocity = state.link_linear_velocity[:, self._link]
         if self._offset is not None:
             arm = rotations.rotate(state.link_quaternion[:, self._link], self._offset)
@@ -131,26 +131,40 @@ class _FrameReader:
     """Where some frames of a robot are, in the world."""
 
     def __init__(self, robot: RobotModel, frames: Sequence[Frame]) -> None:
-        self._links = rows_of([robot.link_index(frame.link) for frame in frames])
+        self._links = np.array([robot.link_index(frame.link) for frame in frames], np.intp)
         self._offset = np.array([frame.pose.position for frame in frames]).reshape(-1, 3)
-        turn = [frame.pose.quaternion for frame in frames]
-        self._shifted, self._turned = bool(self._offset.any()), any(quaternion != IDENTITY for quaternion in turn)
-        self._turn = rotations.to_matrix(np.array(turn).reshape(-1, 4))
+        self._turn = rotations.to_matrix(np.array([frame.pose.quaternion for frame in frames]).reshape(-1, 4))
 
     def read(self, state: State) -> tuple[Array, Array]:
         """Return positions (N, F, 3) and rotation matrices (N, F, 3, 3)."""
-        rotation = rotations.to_matrix(state.link_quaternion[:, self._links])
-        return self.positions(state), rotation @ self._turn if self._turned else rotation
-
-    def positions(self, state: State) -> Array:
-        """Return positions (N, F, 3)."""
-        position = state.link_position[:, self._links]
-        if not self._shifted:
-            return position
-        return position + rotations.rotate(state.link_quaternion[:, self._links], self._offset)
+        fast = kernels.frames()
+        if fast is not None:
+            shape = (len(state.time), len(self._links), 3)
+            position, rotation = np.empty(shape), np.empty((*shape, 3))
+            fast(state.link_position, state.link_quaternion, self._links, self._offset, self._turn, position, rotation)
+            return position, rotation
+        quaternion = state.link_quaternion[:, self._links]
+        position = state.link_position[:, self._links] + rotations.rotate(quaternion, self._offset)
+        return position, rotations.to_matrix(quaternion) @ self._turn
 
 
 def in_frame(rotation: Array, vectors: Array) -> Array:
-    """Return world vectors `(..., K, 3)` in the axes of frames with `rotation` `(..., 3, 3)`: `(..., K, 3)`."""
-    # A stacked product is one small product per frame, so a world's bits do not depend on N.
-    return vectors @ rotation
+    """Return world vectors (N, F, K, 3) in the axes of frames with `rotation` (N, F, 3, 3): (N, F, K, 3)."""
+    fast = kernels.in_frame()
+    if fast is None:
+        # A stacked product is one small product per frame, so a world's bits do not depend on N.
+        return vectors @ rotation
+    local = np.empty(vectors.shape)
+    fast(rotation, vectors, local)
+    return local
+
+
+def planar_distance(position: Array, points: Array) -> Array:
+    """Return the distances in the plane from `position` (N, 3) to `points` (N, K, 3): (N, K) [m]."""
+    fast = kernels.planar_distance()
+    if fast is None:
+        x, y = points[..., 0] - position[:, :1], points[..., 1] - position[:, 1:2]
+        return np.sqrt(x * x + y * y)
+    distance = np.empty(points.shape[:2])
+    fast(position, points, distance)
+    return distance

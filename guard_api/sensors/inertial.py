@@ -53,7 +53,7 @@ class InertialSensors:
         rotation = (
             t.now.rotation[:, None] if self._only_root else rotations.to_matrix(state.link_quaternion[:, self._links])
         )
-        world = np.zeros((*rotation.shape[:2], self._slots, 3))
+        world = np.empty((*rotation.shape[:2], self._slots, 3))  # slots that no sensor has are never read
         for vectors_of, sites, places in self._kinds:
             vectors = vectors_of(t, sites)
             for column, (link, slot) in enumerate(places):
@@ -69,7 +69,7 @@ class _Sites:
     """The places of all S sensors of one kind."""
 
     def __init__(self, robot: RobotModel, sensors: Sequence[Sensor]) -> None:
-        self.sensors = sensors
+        self.field = np.tile(_MAGNETIC, (1, len(sensors), 1))
         self.links = rows_of([robot.link_index(str(sensor.link)) for sensor in sensors])
         self.offset = np.array([sensor.pose.position for sensor in sensors])
         self._shifted = bool(self.offset.any())
@@ -97,7 +97,7 @@ def _angular_velocity(t: Transition, sites: _Sites) -> Array:
 
 def _magnetic_field(t: Transition, sites: _Sites) -> Array:
     del t  # the field is the same everywhere
-    return np.broadcast_to(_MAGNETIC, (1, len(sites.sensors), 3))
+    return sites.field
 
 
 _WORLD_VECTORS: Final[dict[SensorKind, Callable[[Transition, _Sites], Array]]] = {

@@ -10,12 +10,10 @@ from typing import Final
 
 import numpy as np
 
+from guard_api import kernels
 from guard_api.physics.transition import Array, Snapshot, in_frame
-from guard_api.sensors import kernels
 
 _TURN: Final[float] = 2.0 * np.pi
-_AROUND: Final = ((0, 0), (1, 0), (-1, 0))
-_ABOVE_AND_BELOW: Final = ((0, 1), (0, -1))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,54 +41,59 @@ class Lidar:
         return self._readings(now.sensing_position, now.sensing_rotation, objects)
 
     def _readings(self, position: Array, rotation: Array, objects: Array) -> Array:
-        num_worlds, num_frames = position.shape[:2]
-        readings = np.zeros((num_worlds, num_frames, self.bins, max(self.layers, 1)))
-        fast = kernels.lidar()
-        if fast is not None:
-            law = (self.layers > 0, self.gain, self.max_distance or 0.0, self.aliasing)
-            fast(position, rotation, objects, *law, readings)
-        elif objects.shape[1]:
-            self._scatter(position, rotation, objects, readings)
-        return readings.reshape(num_worlds, -1)
-
-    def _scatter(self, position: Array, rotation: Array, objects: Array, readings: Array) -> None:
-        """Write the readings (N, F, bins, layers), which are zero; `kernels.lidar` says the same in loops."""
-        offsets = objects[:, None] - position[:, :, None]
-        if not self.layers:
-            offsets[..., 2] = -position[:, :, None, 2]
-        local = in_frame(rotation, offsets)  # (N, F, K, 3)
-        x, y, z = local[..., 0], local[..., 1], local[..., 2]
-        radius = np.sqrt(x * x + y * y)
-        nearness = self._nearness(np.sqrt(radius * radius + z * z) if self.layers else radius)
+        x, y, z, distance = _sight(position, rotation, objects, spatial=self.layers > 0)
         azimuth = np.arctan2(y, x) * (self.bins / _TURN)
-        cell = [np.floor(azimuth).astype(np.intp), np.zeros(radius.shape, np.intp)]
-        share = [azimuth - cell[0], np.zeros(radius.shape)]
-        if self.layers:
-            elevation = (np.arctan2(z, radius) / np.pi + 0.5) * self.layers
-            cell[1] = np.minimum(np.floor(elevation).astype(np.intp), self.layers - 1)
-            share[1] = elevation - cell[1]
-        place = np.arange(readings[..., 0, 0].size).reshape(*readings.shape[:2], 1)
-        for right, up in self._neighbours():
-            weight = _weight(share[0], right) * _weight(share[1], up)
-            layer = np.clip(cell[1] + up, 0, max(self.layers, 1) - 1)
-            index = (place * self.bins + (cell[0] + right) % self.bins) * max(self.layers, 1) + layer
-            np.maximum.at(readings.reshape(-1), index.reshape(-1), (weight * nearness).reshape(-1))
+        elevation = (np.arctan2(z, np.sqrt(x * x + y * y)) / np.pi + 0.5) * self.layers if self.layers else azimuth
+        readings = np.zeros((*azimuth.shape[:2], self.bins, max(self.layers, 1)))
+        largest = kernels.largest() or _largest
+        largest(azimuth, elevation, self._nearness(distance), self.layers > 0, self.aliasing, readings)
+        return readings.reshape(len(readings), -1)
 
     def _nearness(self, distance: Array) -> Array:
         if self.max_distance is None:
             return np.exp(-self.gain * distance)
         return np.maximum(0.0, 1.0 - distance / self.max_distance)
 
-    def _neighbours(self) -> tuple[tuple[int, int], ...]:
-        """Return the cells that an object is read in, as steps of azimuth and elevation."""
-        if not self.aliasing:
-            return _AROUND[:1]
-        return (*_AROUND, *_ABOVE_AND_BELOW) if self.layers else _AROUND
+
+def _sight(position: Array, rotation: Array, objects: Array, *, spatial: bool) -> Array:
+    """Return where `objects` (N, K, 3) are in the axes of frames: (4, N, F, K) x, y, z and the distance [m].
+
+    Heights count as 0 unless `spatial`.
+    """
+    local = np.empty((4, *position.shape[:2], objects.shape[1]))
+    fast = kernels.sight()
+    if fast is not None:
+        fast(position, rotation, objects, spatial, local)
+        return local
+    offsets = objects[:, None] - position[:, :, None]
+    if not spatial:
+        offsets[..., 2] = -position[:, :, None, 2]
+    local[:3] = np.moveaxis(in_frame(rotation, offsets), -1, 0)
+    squares = local[0] * local[0] + local[1] * local[1]
+    np.sqrt(squares + local[2] * local[2] if spatial else squares, out=local[3])
+    return local
 
 
-def _weight(share: Array, step: int) -> Array | float:
-    """Return how much of an object `share` of the way through its cell is read `step` cells further."""
-    return {0: 1.0, 1: share, -1: 1.0 - share}[step]
+def _largest(azimuth: Array, elevation: Array, nearness: Array, spatial: bool, aliasing: bool, readings: Array) -> None:
+    """Write the largest reading of every cell into `readings` (N, F, bins, layers), which is zero.
+
+    azimuth, elevation: (N, F, K) in cells. nearness: (N, F, K) what an object reads in its own cell.
+    """
+    bins, layers = readings.shape[2:]
+    around = np.where(azimuth < 0.0, azimuth + bins, azimuth)
+    sector = np.minimum(around.astype(np.intp), bins - 1)
+    share = around - sector
+    layer = np.minimum(elevation.astype(np.intp), layers - 1) if spatial else np.zeros_like(sector)
+    height = elevation - layer
+    beside = [(0, 0, np.ones_like(share))]
+    if aliasing:
+        beside += [(1, 0, share), (-1, 0, 1.0 - share)]
+    if aliasing and spatial:
+        beside += [(0, 1, height), (0, -1, 1.0 - height)]
+    frame = np.arange(readings[..., 0, 0].size).reshape(*readings.shape[:2], 1)
+    for right, up, weight in beside:
+        cell = (frame * bins + (sector + right) % bins) * layers + np.clip(layer + up, 0, layers - 1)
+        np.maximum.at(readings.reshape(-1), cell.reshape(-1), (weight * nearness).reshape(-1))
 
 
 def compass(now: Snapshot, target: Array, axes: int) -> Array:
@@ -99,6 +102,11 @@ def compass(now: Snapshot, target: Array, axes: int) -> Array:
     The vector is cut to its first `axes` (2 or 3) components and divided by its norm + 0.001 m, so it fades near the
     target instead of jumping. With 2 axes the target's height counts as 0, as in GUARD.
     """
+    fast = kernels.compass()
+    if fast is not None:
+        directions = np.empty((*now.sensing_position.shape[:2], axes))
+        fast(now.sensing_position, now.sensing_rotation, target, directions)
+        return directions.reshape(len(target), -1)
     offset = target[:, None] - now.sensing_position
     if axes == 2:
         offset[..., 2] = -now.sensing_position[..., 2]

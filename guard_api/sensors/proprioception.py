@@ -39,13 +39,21 @@ class Proprioception:
         for values, columns in ((state.joint_position, self._sliding), (state.joint_velocity, self._velocity)):
             readings |= {name: values[:, column, None] for name, column in columns.items()}
         readings |= {name: state.touch[:, column, None] for column, name in enumerate(self._touch)}
-        for name, (link, other) in self._rotation.items():
-            child, parent = (rotations.to_matrix(state.link_quaternion[:, k]) for k in (link, other))
-            readings[name] = in_frame(parent, child.swapaxes(1, 2)).swapaxes(1, 2).reshape(-1, 9)
-        for name, (link, other) in self._spin.items():
-            against = state.link_angular_velocity[:, link] - state.link_angular_velocity[:, other]
-            readings[name] = rotations.unrotate(state.link_quaternion[:, link], against)
+        if self._rotation:
+            child, parent = (rotations.to_matrix(state.link_quaternion[:, k]) for k in _columns(self._rotation))
+            entries = in_frame(parent, child.swapaxes(2, 3)).swapaxes(2, 3).reshape(*child.shape[:2], 9)
+            readings |= {name: entries[:, k] for k, name in enumerate(self._rotation)}
+        if self._spin:
+            links, others = _columns(self._spin)
+            against = state.link_angular_velocity[:, links] - state.link_angular_velocity[:, others]
+            spin = rotations.unrotate(state.link_quaternion[:, links], against)
+            readings |= {name: spin[:, k] for k, name in enumerate(self._spin)}
         return readings
+
+
+def _columns(pairs: dict[str, tuple[int, int]]) -> tuple[list[int], list[int]]:
+    """Return the first and the second numbers of all pairs."""
+    return [first for first, _ in pairs.values()], [second for _, second in pairs.values()]
 
 
 def _of_kind(robot: RobotModel, kind: str) -> list[Sensor]:

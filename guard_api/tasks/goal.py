@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from guard_api.physics.transition import Array, Snapshot, Transition
+from guard_api.physics.transition import Array, Snapshot, Transition, planar_distance
 from guard_api.scene.spec import BodyGroup, BodySpec, Placement
 from guard_api.sensors.lidar import Lidar, compass
 from guard_api.shapes import Cylinder, Sphere
@@ -73,8 +73,7 @@ class Goal:
     def _distance(self, position: Array, snapshot: Snapshot) -> Array:
         """Return the distance from `position` (N, 3) to the snapshot's goal: (N,) [m]."""
         goal = snapshot.bodies["goal"]
-        x, y = position[:, 0] - goal[:, 0, 0], position[:, 1] - goal[:, 0, 1]
         if self.heights is None:
-            return np.sqrt(x * x + y * y)
-        z = position[:, 2] - goal[:, 0, 2]
+            return planar_distance(position, goal)[:, 0]
+        x, y, z = (position - goal[:, 0]).T
         return np.sqrt(x * x + y * y + z * z)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from guard_api.model.kinematics import Kinematics, rows_of
 from guard_api.model.robot import RobotModel
+from guard_mujoco import kernels
 
 Array = NDArray[np.float64]
 
@@ -35,25 +36,27 @@ class LinksOnRails:
         unit = np.vstack([np.zeros(len(robot.joints)), np.eye(len(robot.joints))[self._joints]])
         upright = np.tile([1.0, 0.0, 0.0, 0.0], (len(unit), 1))
         poses = kinematics.poses(np.zeros((len(unit), 3)), upright, unit)
-        self._rows = rows_of(self.links)
         self._rest, self._quaternion = poses.position[0], poses.quaternion[0]
-        self._slides = self._along_axes(poses.position[1:] - self._rest)
+        directions = poses.position[1:] - self._rest
+        slides = [(self._joints[j], self.links[k], axis) for j, k, axis in np.argwhere(directions)]
+        self._slides = np.array(slides, np.intp).reshape(-1, 3)
+        self._factors = directions[np.nonzero(directions)]
 
-    def _along_axes(self, directions: Array) -> list[tuple[int, int, int, float]]:
-        """Return (joint, link, axis, factor) of every number of `directions` (joints, links, 3) that is not zero."""
-        return [
-            (joint, self.links[link], int(axis), float(direction[link, axis]))
-            for joint, direction in zip(self._joints, directions, strict=True)
-            for link, axis in zip(*np.nonzero(direction), strict=True)
-        ]
+    def prepare(self, blank: Frames) -> None:
+        """Write what does not change into `blank` (N, L, ...), which is zero."""
+        blank.position[:, self.links], blank.quaternion[:, self.links] = self._rest, self._quaternion
 
     def fill(self, frames: Frames, q: Array, qd: Array) -> None:
-        """Write these links into `frames` (N, L, ...), which is zero there, from the joints' state (N, J)."""
-        frames.position[:, self._rows] = self._rest
-        frames.quaternion[:, self._rows] = self._quaternion
-        for joint, link, axis, factor in self._slides:
-            frames.position[:, link, axis] += factor * q[:, joint]
-            frames.linear[:, link, axis] += factor * qd[:, joint]
+        """Move these links in `frames` (N, L, ...), a prepared one, by the joints' state (N, J)."""
+        move = kernels.slide() or _slide
+        move(q, qd, self._slides, self._factors, frames.position, frames.linear)
+
+
+def _slide(q: Array, qd: Array, slides: NDArray[np.intp], factors: Array, position: Array, linear: Array) -> None:
+    """Add to links what sliding joints do: `slides` (K, 3) are joint, link and axis."""
+    for (joint, link, axis), factor in zip(slides, factors, strict=True):
+        position[:, link, axis] += factor * q[:, joint]
+        linear[:, link, axis] += factor * qd[:, joint]
 
 
 class ChainedLinks:
@@ -63,6 +66,9 @@ class ChainedLinks:
         self.links = links
         self._rows = rows_of(links)
         self._kinematics = Kinematics(robot, [robot.links[index].name for index in links])
+
+    def prepare(self, blank: Frames) -> None:
+        """Write what does not change: nothing."""
 
     def fill(self, frames: Frames, q: Array, qd: Array) -> None:
         """Write these links into `frames` (N, L, ...), which holds the first link, from the joints' state (N, J)."""

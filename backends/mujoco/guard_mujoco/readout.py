@@ -6,53 +6,55 @@ import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
+from guard_api import rotations
 from guard_api.model.kinematics import Rows, rows_of
+from guard_mujoco import kernels
 from guard_mujoco.compile import NO_BODY, CompiledScene
 from guard_mujoco.merged import Frames, merged_links
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 
 
 class Readout:
     """Reads links and bodies out of a batch whose position and velocity stages are current."""
 
     def __init__(self, compiled: CompiledScene, batch: Batch) -> None:
-        robot, num_links = compiled.scene.robot, len(compiled.link_body)
+        robot, self._num_links = compiled.scene.robot, len(compiled.link_body)
         merged = np.flatnonzero(compiled.link_body == NO_BODY).tolist()
         self._merged = merged_links(robot, merged) if robot and merged else None
-        of_engine = np.setdiff1d(np.arange(num_links), self._merged.links if self._merged else [])
-        self._links, self._split = rows_of(of_engine), len(of_engine)
-        bodies = np.concatenate([compiled.link_body[of_engine], compiled.body_body])
-        self._bodies, self._roots = bodies, np.asarray(compiled.model.body_rootid, np.intp)[bodies]
+        of_engine = np.setdiff1d(np.arange(self._num_links), self._merged.links if self._merged else [])
+        num_bodies = len(compiled.body_body)
+        self._rows = np.concatenate([of_engine, self._num_links + np.arange(num_bodies)]).astype(np.intp)
+        self._bodies = np.concatenate([compiled.link_body[of_engine], compiled.body_body]).astype(np.intp)
+        self._roots = np.asarray(compiled.model.body_rootid, np.intp)[self._bodies]
         self._xpos, self._xquat = batch.bind("xpos"), batch.bind("xquat")
         self._cvel, self._com = batch.bind("cvel"), batch.bind("subtree_com")
-        self._blank = Frames(*(np.zeros((batch.nsim, num_links, size)) for size in (3, 4, 3, 3)))
+        total = self._num_links + num_bodies
+        self._blank = Frames(*(np.zeros((batch.nsim, total, size)) for size in (3, 4, 3, 3)))
+        if self._merged is not None:
+            self._merged.prepare(self._blank)
 
     def read(self, q: Array, qd: Array) -> tuple[Frames, Frames]:
-        """Return the frames of links and of bodies; `q`, `qd` (N, J) are the joints' present state."""
-        engine = self._engine_frames()
-        bodies = Frames(*(array[:, self._split :] for array in engine))
-        if self._merged is None:
-            return Frames(*(array[:, : self._split] for array in engine)), bodies
-        links = Frames(*(array.copy() for array in self._blank))
-        for whole, part in zip(links, engine, strict=True):
-            whole[:, self._links] = part[:, : self._split]
-        self._merged.fill(links, q, qd)
-        return links, bodies
+        """Return the frames of links and of bodies, new arrays; `q`, `qd` (N, J) are the joints' present state."""
+        frames = Frames(*(array.copy() for array in self._blank))
+        read = kernels.frames() or _read
+        read(self._xpos, self._xquat, self._cvel, self._com, self._bodies, self._roots, self._rows, *frames)
+        links = Frames(*(array[:, : self._num_links] for array in frames))
+        if self._merged is not None:
+            self._merged.fill(links, q, qd)
+        return links, Frames(*(array[:, self._num_links :] for array in frames))
 
-    def _engine_frames(self) -> Frames:
-        """Return the frames of all links and bodies that are MuJoCo bodies: new arrays."""
-        position = self._xpos.take(self._bodies, axis=1)
-        velocity = self._cvel.take(self._bodies, axis=1)
-        angular, linear = velocity[..., :3], velocity[..., 3:].copy()
-        # MuJoCo's velocities are those of the point of each body that is at the centre of mass of its whole tree.
-        arm = position - self._com.take(self._roots, axis=1)
-        x, y, z = arm[..., 0], arm[..., 1], arm[..., 2]
-        wx, wy, wz = angular[..., 0], angular[..., 1], angular[..., 2]
-        linear[..., 0] += wy * z - wz * y
-        linear[..., 1] += wz * x - wx * z
-        linear[..., 2] += wx * y - wy * x
-        return Frames(position, self._xquat.take(self._bodies, axis=1), linear, angular)
+
+def _read(
+    xpos: Array, xquat: Array, cvel: Array, subtree_com: Array, bodies: Index, roots: Index, rows: Index, *frames: Array
+) -> None:
+    """Write the frames of MuJoCo's `bodies` (K,), in trees that start at `roots` (K,), into the `rows` of `frames`."""
+    position, quaternion, linear, angular = frames
+    at, velocity = xpos[:, bodies], cvel[:, bodies]
+    position[:, rows], quaternion[:, rows], angular[:, rows] = at, xquat[:, bodies], velocity[..., :3]
+    # MuJoCo's velocities are those of the point of each body that is at the centre of mass of its whole tree.
+    linear[:, rows] = velocity[..., 3:] + rotations.cross(velocity[..., :3], at - subtree_com[:, roots])
 
 
 class EffortReadout:
@@ -78,5 +80,6 @@ class EffortReadout:
         for column, joint in self._further:
             whole[:, joint] += force[:, column]
         if self._further:
-            whole = np.clip(whole, -self._limit, self._limit)
-        effort[rows] = whole
+            np.clip(whole, -self._limit, self._limit, out=whole)
+        if not isinstance(rows, slice):  # a slice is a view
+            effort[rows] = whole

@@ -59,6 +59,7 @@ class MuJoCoWorld:
         self._touch = np.zeros((num_worlds, compiled.contact.num_touch))
         self._body_contact = np.zeros((num_worlds, self.scene.num_bodies), bool)
         self._history = self._batch.bind("history")
+        self._before = np.empty_like(self._batch.state)
         self._identity = fingerprint(compiled.model, num_worlds)
         self._current = False  # whether the engine's positions and velocities are those of the state rows
 
@@ -91,12 +92,12 @@ class MuJoCoWorld:
         if not np.isfinite(control).all():
             self._ok &= np.isfinite(control).all(axis=1)
         rows = ALL if self._ok.all() else np.flatnonzero(self._ok)
-        before = self._batch.state.copy()
+        np.copyto(self._before, self._batch.state)
         self._ctrl[rows] = self._commands(control, rows)
         if self._driven.any:
             self._driven.launch(self._everyone[rows], substeps * self.scene.timestep)
         self._advance(rows, substeps)
-        self._freeze_failed(rows, before)
+        self._freeze_failed(rows)
 
     def drive(self, group: str, position: Array, quaternion: Array) -> None:
         """Let the driven bodies of `group` reach the poses by the end of the next `step`; see `World.drive`."""
@@ -188,14 +189,14 @@ class MuJoCoWorld:
         except SimulationError as error:
             self._ok[error.ids] = False
 
-    def _freeze_failed(self, rows: Rows, before: Array) -> None:
-        """Put worlds whose numbers went wrong back to `before`, and take over the efforts of the others."""
+    def _freeze_failed(self, rows: Rows) -> None:
+        """Put worlds whose numbers went wrong back to before the step, and take over the efforts of the others."""
         batch = self._batch
         self._efforts.write(self._effort, rows)
         failed = self._newly_failed(rows)
         if len(failed):
             self._ok[failed] = False
-            batch.state[failed] = before[failed]
+            batch.state[failed] = self._before[failed]
             batch.forward(failed, stage=_VEL)
             for summary in (self._effort, self._touch, self._body_contact):
                 summary[failed] = 0
@@ -203,9 +204,10 @@ class MuJoCoWorld:
     def _newly_failed(self, rows: Rows) -> NDArray[np.intp]:
         """Return which of the worlds just stepped raised an error or a warning, or hold numbers that are not sound."""
         batch = self._batch
-        # Nearly always nothing is wrong, and what all worlds have together says so.
+        # Nearly always nothing is wrong, and what all worlds have together says so. Without a warning accelerations
+        # were finite, so the numbers are when the velocities are; NaN is not slow.
         slow = np.abs(self._qvel).max(initial=0.0) <= DIVERGED_SPEED
-        if slow and self._ok[rows].all() and not batch.warning.any() and np.isfinite(batch.state.sum()):
+        if slow and self._ok.all() and not np.count_nonzero(batch.warning):
             return np.empty(0, np.intp)
         stepped = np.zeros(self.num_worlds, bool)
         stepped[rows] = True

@@ -1,0 +1,158 @@
+"""Loops that numba compiles, where it is installed (extra `fast`); the plain forms beside their callers mean the same.
+
+A step of 64 worlds makes some hundred NumPy calls of a few hundred numbers each, so that the calls cost more than the
+arithmetic; what runs at every step for every robot is therefore one call here. The last bits of the two forms may
+differ, so a run's manifest says whether numba was there.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import math
+from collections.abc import Callable
+from functools import cache
+from typing import Any, Final, TypeAlias
+
+Kernel: TypeAlias = Callable[[], Callable[..., None] | None]
+"""A function that returns the compiled loops, or None without numba; they are compiled when it is first called."""
+
+_FRAMES: Final = "float64[:,:,:], float64[:,:,:,:]"
+
+
+def kernel(signature: str) -> Callable[[Callable[..., None]], Kernel]:
+    """Make a `Kernel` of loops with the numba `signature`; they write into their last arguments."""
+
+    def decorate(loops: Callable[..., None]) -> Kernel:
+        @cache
+        def compiled() -> Callable[..., None] | None:
+            if importlib.util.find_spec("numba") is None:
+                return None
+            numba = importlib.import_module("numba")  # here, because it takes as long to load as all the rest
+            return numba.njit(f"void({signature})", cache=True, error_model="numpy")(loops)
+
+        compiled.__doc__ = loops.__doc__
+        return compiled
+
+    return decorate
+
+
+@kernel(f"float64[:,:,:], float64[:,:,:], int64[::1], float64[:,::1], float64[:,:,::1], {_FRAMES}")
+def frames(
+    link_position: Any, link_quaternion: Any, links: Any, offset: Any, turn: Any, position: Any, rotation: Any
+) -> None:
+    """Write where frames fixed to `links` (F,) are, as `guard_api.physics.transition` does.
+
+    link_position (N, L, 3), link_quaternion (N, L, 4); offset (F, 3), turn (F, 3, 3) in link axes; position (N, F, 3),
+    rotation (N, F, 3, 3).
+    """
+    for world in range(link_position.shape[0]):
+        for f in range(links.shape[0]):
+            k = links[f]
+            w, x = link_quaternion[world, k, 0], link_quaternion[world, k, 1]
+            y, z = link_quaternion[world, k, 2], link_quaternion[world, k, 3]
+            R = (
+                (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
+                (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
+                (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
+            )
+            for i in range(3):
+                a, b, c = R[i]
+                position[world, f, i] = link_position[world, k, i] + (
+                    a * offset[f, 0] + b * offset[f, 1] + c * offset[f, 2]
+                )
+                for j in range(3):
+                    rotation[world, f, i, j] = a * turn[f, 0, j] + b * turn[f, 1, j] + c * turn[f, 2, j]
+
+
+@kernel("float64[:,:,:,:], float64[:,:,:,:], float64[:,:,:,::1]")
+def in_frame(rotation: Any, vectors: Any, local: Any) -> None:
+    """Write the world `vectors` (N, F, K, 3) in the axes of frames with `rotation` (N, F, 3, 3) into `local`."""
+    for world in range(vectors.shape[0]):
+        for f in range(vectors.shape[1]):
+            for k in range(vectors.shape[2]):
+                x, y, z = vectors[world, f, k, 0], vectors[world, f, k, 1], vectors[world, f, k, 2]
+                for i in range(3):
+                    local[world, f, k, i] = (
+                        x * rotation[world, f, 0, i] + y * rotation[world, f, 1, i] + z * rotation[world, f, 2, i]
+                    )
+
+
+@kernel("float64[:,:], float64[:,:,:], float64[:,::1]")
+def planar_distance(position: Any, points: Any, distance: Any) -> None:
+    """Write the `distance` (N, K) in the plane from `position` (N, 3) to `points` (N, K, 3)."""
+    for world in range(points.shape[0]):
+        for k in range(points.shape[1]):
+            x = points[world, k, 0] - position[world, 0]
+            y = points[world, k, 1] - position[world, 1]
+            distance[world, k] = math.sqrt(x * x + y * y)
+
+
+@kernel(f"{_FRAMES}, float64[:,:], float64[:,:,::1]")
+def compass(position: Any, rotation: Any, target: Any, directions: Any) -> None:
+    """Write the `directions` (N, F, 2 or 3) of `guard_api.sensors.lidar.compass` to `target` (N, 3)."""
+    axes = directions.shape[2]
+    for world in range(target.shape[0]):
+        for f in range(position.shape[1]):
+            x = target[world, 0] - position[world, f, 0]
+            y = target[world, 1] - position[world, f, 1]
+            z = (target[world, 2] if axes == 3 else 0.0) - position[world, f, 2]
+            squares = 0.0
+            for i in range(axes):
+                along = x * rotation[world, f, 0, i] + y * rotation[world, f, 1, i] + z * rotation[world, f, 2, i]
+                directions[world, f, i] = along
+                squares += along * along
+            scale = 1.0 / (math.sqrt(squares) + 0.001)
+            for i in range(axes):
+                directions[world, f, i] *= scale
+
+
+@kernel(f"{_FRAMES}, float64[:,:,:], boolean, float64[:,:,:,::1]")
+def sight(position: Any, rotation: Any, objects: Any, spatial: bool, local: Any) -> None:
+    """Write where `objects` (N, K, 3) are in frames, as `guard_api.sensors.lidar` does.
+
+    position (N, F, 3), rotation (N, F, 3, 3); local (4, N, F, K): x, y, z and the distance.
+    """
+    for world in range(objects.shape[0]):
+        for f in range(position.shape[1]):
+            for k in range(objects.shape[1]):
+                dx = objects[world, k, 0] - position[world, f, 0]
+                dy = objects[world, k, 1] - position[world, f, 1]
+                dz = (objects[world, k, 2] if spatial else 0.0) - position[world, f, 2]
+                squares = 0.0
+                for i in range(3):
+                    along = (
+                        dx * rotation[world, f, 0, i] + dy * rotation[world, f, 1, i] + dz * rotation[world, f, 2, i]
+                    )
+                    local[i, world, f, k] = along
+                    squares += along * along if spatial or i < 2 else 0.0
+                local[3, world, f, k] = math.sqrt(squares)
+
+
+@kernel("float64[:,:,::1], float64[:,:,::1], float64[:,:,::1], boolean, boolean, float64[:,:,:,::1]")
+def largest(azimuth: Any, elevation: Any, nearness: Any, spatial: bool, aliasing: bool, readings: Any) -> None:
+    """Write the largest reading of every cell into `readings` (N, F, bins, layers), as `guard_api.sensors.lidar` does.
+
+    azimuth, elevation (N, F, K) in cells, nearness (N, F, K).
+    """
+    bins, layers = readings.shape[2], readings.shape[3]
+    for world in range(azimuth.shape[0]):
+        for f in range(azimuth.shape[1]):
+            for k in range(azimuth.shape[2]):
+                around, near, layer, height = azimuth[world, f, k], nearness[world, f, k], 0, 0.0
+                if around < 0.0:
+                    around += bins
+                sector = min(int(around), bins - 1)
+                share = around - sector
+                if spatial:
+                    layer = min(int(elevation[world, f, k]), layers - 1)
+                    height = elevation[world, f, k] - layer
+                readings[world, f, sector, layer] = max(readings[world, f, sector, layer], near)
+                if aliasing:
+                    right, left = sector + 1 if sector < bins - 1 else 0, sector - 1 if sector else bins - 1
+                    readings[world, f, right, layer] = max(readings[world, f, right, layer], share * near)
+                    readings[world, f, left, layer] = max(readings[world, f, left, layer], (1.0 - share) * near)
+                    if spatial:
+                        up, down = min(layer + 1, layers - 1), max(layer - 1, 0)
+                        readings[world, f, sector, up] = max(readings[world, f, sector, up], height * near)
+                        readings[world, f, sector, down] = max(readings[world, f, sector, down], (1.0 - height) * near)
