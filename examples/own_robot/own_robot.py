@@ -14,5 +14,5 @@ from pathlib import Path
 
 
 def robots() -> Path:
-    """Return the folder of robots: `urdf/<robot>/<robot>.urdf` or `mjcf/<robot>/<robot>.xml`, beside its `robot.toml`."""
+    """Return the folder of `urdf/<robot>/<robot>.urdf` or `mjcf/<robot>/<robot>.xml`, each beside its `robot.toml`."""
     return Path(__file__).parent / "robots"
