@@ -130,5 +130,13 @@ def heights(placement: Placement, height: float, unit: Array) -> Array:
     return low + unit * (high - low)
 
 
+def distances(placement: Placement) -> str:
+    """Return the distances [m] that a placement asks for in brackets, nothing when there are none."""
+    usual = Placement()
+    asked = {name: getattr(placement, name) for name in ("radius", "distance", "clearance", "apart")}
+    listed = [f"{name} {value}" for name, value in asked.items() if value != getattr(usual, name)]
+    return f" ({', '.join(listed)})" if listed else ""
+
+
 def _listed(rectangles: Array) -> str:
     return ", ".join(str(tuple(float(x) for x in rectangle)) for rectangle in rectangles)

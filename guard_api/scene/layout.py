@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from guard_api.errors import SpecError
 from guard_api.physics.transition import Snapshot
-from guard_api.scene.area import COORDINATES, Area, Array, Item, Mask, Rectangle, heights
+from guard_api.scene.area import COORDINATES, Area, Array, Item, Mask, Rectangle, distances, heights
+from guard_api.scene.overlap import freest
 
 Rows: TypeAlias = NDArray[np.intp]
 Streams: TypeAlias = Sequence[np.random.Generator]
@@ -100,8 +101,8 @@ class LayoutSampler:
         result, pending = places[:, index].copy(), np.arange(len(places))
         for _ in range(_TRIES):
             points = area.candidates(_drawn(streams, pending, (_TRIES, COORDINATES)))
-            cost = _overlap(points, places[pending], self._squared_reach[index])
-            best, least = _least(points, cost, area.allows(points, rows_of(robot, pending)))
+            allowed = area.allows(points, rows_of(robot, pending))
+            best, least = freest(points, allowed, places[pending], self._squared_reach[index])
             result[pending[least == 0.0]] = best[least == 0.0]
             pending = pending[least > 0.0]
             if len(pending) == 0:
@@ -156,8 +157,7 @@ class LayoutSampler:
             rows, reach = every, np.where(placed, self._squared_reach[i], 0.0)
             for tries in (slice(_FIRST), slice(None)):
                 points = area.candidates(unit[rows, i, tries])
-                cost = _overlap(points, places[rows], reach)
-                places[rows, i], least = _least(points, cost, area.allows(points, rows_of(robot, rows)))
+                places[rows, i], least = freest(points, area.allows(points, rows_of(robot, rows)), places[rows], reach)
                 rows = rows[least > 0.0]
                 if len(rows) == 0:
                     break
@@ -183,18 +183,17 @@ class LayoutSampler:
                 allowed[:, rows] &= asked.reshape(n, -1, moves + 1)
         for i in self._areas:
             if i > 0:
-                cost = _overlap(points[:, i], places, self._squared_reach[i])
-                places[:, i], _ = _least(points[:, i], cost, allowed[:, i])
+                places[:, i], _ = freest(points[:, i], allowed[:, i], places, self._squared_reach[i])
 
     def _holds(self, places: Array, robot: Snapshot | None) -> Mask:
         """Return in which worlds all keepouts and placements hold: (n,)."""
         x, y = places[..., 0], places[..., 1]
         dx, dy = x[:, :, None] - x[:, None], y[:, :, None] - y[:, None]
         holds = np.logical_and.reduce(dx * dx + dy * dy >= self._squared_reach, axis=(1, 2))
-        for i, area in self._areas.items():
-            asked = area.allows(places[:, i, None], robot)
+        for area, rows in self._blocks:
+            asked = area.allows(places[:, rows], robot)
             if asked is not None:
-                holds &= asked[:, 0]
+                holds &= asked.all(axis=1)
         return holds
 
     def _check_room(self) -> None:
@@ -211,28 +210,13 @@ class LayoutSampler:
 
     def _demand(self) -> str:
         """Return what is asked for, in numbers."""
-        crowd = Counter((item.name, item.keepout) for item in self.items)
-        listed = ", ".join(f"{count} {name} {keepout:g}" for (name, keepout), count in crowd.items())
+        crowd = Counter((item.name, item.keepout, distances(item.placement)) for item in self.items)
+        listed = ", ".join(f"{count} {name} {keepout:g}{asked}" for (name, keepout, asked), count in crowd.items())
         discs = sum(np.pi * item.keepout**2 for item in self.items)
         return (
             f"{len(self.items)} items in {', '.join(map(str, sorted(self._rectangles())))} with keepouts [m] {listed}, "
-            f"which are discs of {discs:.1f} m^2: use fewer objects, smaller keepouts or larger extents"
+            f"which are discs of {discs:.1f} m^2: use fewer objects, smaller keepouts and distances or larger extents"
         )
-
-
-def _overlap(points: Array, places: Array, squared_reach: Array) -> Array:
-    """Return how much something at `points` (n, k, 3) overlaps the items at `places` (n, items, 3): (n, k).
-
-    The measure is the sum of reach^2 - distance^2 over the items nearer than their `squared_reach` (items,) [m^2].
-    """
-    # In place on contiguous arrays: this is where a reset spends its time.
-    dx = np.ascontiguousarray(points[..., 0])[:, None] - places[:, :, 0, None]
-    dy = np.ascontiguousarray(points[..., 1])[:, None] - places[:, :, 1, None]
-    dx *= dx
-    dy *= dy
-    dx += dy
-    np.subtract(squared_reach[:, None], dx, out=dx)
-    return np.maximum(dx, 0.0, out=dx).sum(axis=1)
 
 
 def rows_of(robot: Snapshot | None, rows: Rows) -> Snapshot | None:
@@ -245,22 +229,13 @@ def rows_of(robot: Snapshot | None, rows: Rows) -> Snapshot | None:
 
 def _drawn(streams: Streams, rows: Rows, shape: tuple[int, ...]) -> Array:
     """Return numbers in [0, 1) from the streams of the worlds `rows` (m,): (m, *shape)."""
-    return np.stack([streams[i].random(shape) for i in rows.tolist()])
+    drawn = np.empty((len(rows), *shape))
+    for row, i in enumerate(rows.tolist()):
+        streams[i].random(out=drawn[row])
+    return drawn
 
 
 def _shift(unit: Array) -> Array:
     """Map numbers in [0, 1) `unit` (..., 3) to shifts in the plane (..., 3) [m]."""
     bound = _NEAREST * (_FURTHEST / _NEAREST) ** unit[..., 2]
     return np.stack([bound * (2 * unit[..., 0] - 1), bound * (2 * unit[..., 1] - 1), np.zeros_like(bound)], axis=-1)
-
-
-def _least(points: Array, cost: Array, allowed: Mask | None) -> tuple[Array, Array]:
-    """Return the first of the allowed `points` (n, k, 3) of the least `cost` (n, k): (n, 3), and its cost (n,).
-
-    The cost is infinite where nothing is allowed.
-    """
-    if allowed is not None:
-        cost = np.where(allowed, cost, np.inf)
-    best = cost.argmin(axis=1)
-    rows = np.arange(len(points))
-    return points[rows, best], cost[rows, best]

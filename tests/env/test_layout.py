@@ -10,9 +10,12 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from guard_api.errors import SpecError
+from guard_api.model.library import load_robot
 from guard_api.scene.area import Item
+from guard_api.scene.episode import EpisodeStarter
 from guard_api.scene.layout import LayoutSampler
-from guard_api.scene.spec import Placement
+from guard_api.scene.spec import BodyGroup, BodySpec, Placement, SceneSpec
+from guard_api.shapes import Sphere
 
 EXTENTS = (-2.0, -2.0, 2.0, 2.0)
 TINY = 1e-9
@@ -41,13 +44,20 @@ def gaps(places: np.ndarray, items: list[Item]) -> np.ndarray:
     return np.linalg.norm(places[:, i, :2] - places[:, j, :2], axis=-1) - (keepout[i] + keepout[j])
 
 
+def group_of(item: Item) -> BodyGroup:
+    body = BodySpec(shape=Sphere(radius=0.1), physics="phantom", keepout=item.keepout)
+    return BodyGroup(name=item.name, body=body, count=1, placement=item.placement)
+
+
 @st.composite
-def crowds(draw: st.DrawFn) -> tuple[list[Item], tuple[float, float, float, float]]:
-    """Up to twelve things that fill up to half of an oblong, which is as crowded as GUARD's suite becomes."""
+def crowds(
+    draw: st.DrawFn, things: int = 12, most: float = 0.4
+) -> tuple[list[Item], tuple[float, float, float, float]]:
+    """Up to so many things that fill up to `most` of an oblong: 0.4 is as crowded as GUARD's suite becomes."""
     width, height = draw(st.floats(2.0, 6.0)), draw(st.floats(2.0, 6.0))
     x, y = draw(st.floats(-9.0, 9.0)), draw(st.floats(-9.0, 9.0))
-    keepouts = draw(st.lists(st.floats(0.05, 0.6), min_size=1, max_size=12))
-    assume(sum(np.pi * k**2 for k in keepouts) < 0.4 * width * height)
+    keepouts = draw(st.lists(st.floats(0.05, 0.6), min_size=1, max_size=things))
+    assume(sum(np.pi * k**2 for k in keepouts) < most * width * height)
     items = [Item(name=f"thing{i}", keepout=keepout) for i, keepout in enumerate(keepouts)]
     return items, (x, y, x + width, y + height)
 
@@ -154,6 +164,10 @@ def test_a_crowd_is_spread_as_if_whole_layouts_were_thrown_away() -> None:
         (crowd(("hazards", 0.4, 25)), r"in 40 layouts for 26 items .*larger extents"),
         ([Item(name="goal", keepout=3.0)], r"goal keeps 3.0 m free"),
         (
+            [*crowd(), Item(name="wall", keepout=1.9, location=(0.0, 0.0))],
+            r"in 40 layouts for 2 items .* 1 robot 0.4, 1 wall 1.9",
+        ),
+        (
             [Item(name="goal", keepout=0.4, placement=Placement(radius=(3.0, 9.0)))],
             r"goal is asked for 3.0 to 9.0 m from the origin, but its places are 0 to 2.263 m",
         ),
@@ -167,6 +181,25 @@ def test_the_impossible_is_refused_at_construction_with_its_numbers(items: list[
     with pytest.raises(SpecError, match=message) as caught:
         LayoutSampler(items, EXTENTS)
     assert "\n" not in str(caught.value)
+
+
+def test_a_distance_from_the_robot_that_nothing_has_is_refused_with_it() -> None:
+    """The robot stands within 2.263 m of the origin, so nothing in the area is 9 m away from it."""
+    item = Item(name="ball", keepout=0.1, placement=Placement(apart=9.0))
+    with pytest.raises(SpecError, match=r"1 ball 0.1 \(apart 9.0\), .*smaller keepouts and distances"):
+        EpisodeStarter(SceneSpec(robot=load_robot("point")), [group_of(item)], EXTENTS, 1)
+
+
+@given(request=crowds(things=6, most=1.3), seed=seeds)
+def test_any_crowd_is_placed_or_refused(request: tuple, seed: int) -> None:
+    """However full the area: what is not refused at construction is placed, and all keepouts hold."""
+    items, extents = request
+    try:
+        sampler = LayoutSampler(items, extents)
+    except SpecError as error:
+        assert "keepouts" in str(error) or "m free on every side" in str(error)
+        return
+    assert (gaps(sample(sampler, seed, seed + 1), items) >= -TINY).all()
 
 
 def test_heights_are_uniform() -> None:

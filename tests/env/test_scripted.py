@@ -145,8 +145,8 @@ def test_a_target_is_caught(engine: str, worlds: int) -> None:
 
     played = play("Chase_Point_8Hazards", engine, to_the_nearest_target, 300, worlds=worlds, until=caught)
     start, end = nearest(played.first), nearest(played.last)
+    assert (start > 0.9 - 1e-6).all()  # what the keepouts leave between them at the start
     assert caught(played)
-    assert (end < start - 0.3).all()
     np.testing.assert_allclose(played.rewards.sum(axis=0), start - end, atol=1e-9)
     assert (idly("Chase_Point_8Hazards", 50, worlds).sum(axis=0) < 0.0).all()  # targets that see the robot flee
 
