@@ -11,7 +11,7 @@ import importlib
 import importlib.util
 import math
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from typing import Any, Final, TypeAlias
 
 Kernel: TypeAlias = Callable[[], Callable[..., None] | None]
@@ -29,7 +29,11 @@ def kernel(signature: str) -> Callable[[Callable[..., None]], Kernel]:
             if importlib.util.find_spec("numba") is None:
                 return None
             numba = importlib.import_module("numba")  # here, because it takes as long to load as all the rest
-            return numba.njit(f"void({signature})", cache=True, error_model="numpy")(loops)
+            make = partial(numba.njit, f"void({signature})", error_model="numpy")
+            try:
+                return make(cache=True)(loops)
+            except (OSError, RuntimeError):  # no room or no permission to keep the machine code for the next start
+                return make()(loops)
 
         compiled.__doc__ = loops.__doc__
         return compiled
@@ -86,6 +90,30 @@ def planar_distance(position: Any, points: Any, distance: Any) -> None:
             x = points[world, k, 0] - position[world, 0]
             y = points[world, k, 1] - position[world, 1]
             distance[world, k] = math.sqrt(x * x + y * y)
+
+
+@kernel("float64[:,:,:], float64[:,:,:], float64[:,:,:], float64[:], float64[:,::1]")
+def distance(points: Any, start: Any, end: Any, radius: Any, distance: Any) -> None:
+    """Write the `distance` (N, K) of `points` (N, K, 3) from the nearest of S segments, as `Snapshot.distance` does.
+
+    start, end (N, S, 3), radius (S,).
+    """
+    for world in range(points.shape[0]):
+        for k in range(points.shape[1]):
+            nearest = math.inf
+            for s in range(radius.shape[0]):
+                squared = projection = squares = 0.0
+                for i in range(3):
+                    along = end[world, s, i] - start[world, s, i]
+                    squared += along * along
+                    projection += (points[world, k, i] - start[world, s, i]) * along
+                share = min(max(projection / squared, 0.0), 1.0) if squared > 0.0 else 0.0
+                for i in range(3):
+                    along = end[world, s, i] - start[world, s, i]
+                    offset = points[world, k, i] - start[world, s, i] - share * along
+                    squares += offset * offset
+                nearest = min(nearest, math.sqrt(squares) - radius[s])
+            distance[world, k] = nearest
 
 
 @kernel(f"{_FRAMES}, float64[:,:], float64[:,:,::1]")

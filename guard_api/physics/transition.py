@@ -63,18 +63,29 @@ class Snapshot:
 
         From its nearest segment, negative inside; from the reference's origin for a robot without segments.
         """
-        if self.segment_start.shape[1] == 0:
-            x, y, z = (points[..., axis] - self.position[:, None, axis] for axis in range(3))
-            return np.sqrt(x * x + y * y + z * z)
-        # By axis: (N, K, S) arrays are summed several times faster than the last axis of (N, K, S, 3) ones.
-        along = (self.segment_end - self.segment_start)[:, None]
-        ax, ay, az = along[..., 0], along[..., 1], along[..., 2]
-        x, y, z = (points[:, :, None, axis] - self.segment_start[:, None, :, axis] for axis in range(3))
-        squared = ax * ax + ay * ay + az * az
-        share = (x * ax + y * ay + z * az) / np.where(squared > 0.0, squared, 1.0)
-        share = np.minimum(np.maximum(share, 0.0), 1.0)
-        x, y, z = x - share * ax, y - share * ay, z - share * az
-        return (np.sqrt(x * x + y * y + z * z) - self.segment_radius).min(axis=-1)
+        start, end, radius = self.segment_start, self.segment_end, self.segment_radius
+        if not len(radius):
+            start = end = self.position[:, None]
+            radius = np.zeros(1)
+        fast = kernels.distance()
+        if fast is None:
+            return _distance(points, start, end, radius)
+        distance = np.empty(points.shape[:2])
+        fast(points, start, end, radius, distance)
+        return distance
+
+
+def _distance(points: Array, start: Array, end: Array, radius: Array) -> Array:
+    """Return the distance of points (N, K, 3) from the nearest of the segments (N, S, 3), (S,): (N, K) [m]."""
+    # By axis: (N, K, S) arrays are summed several times faster than the last axis of (N, K, S, 3) ones.
+    along = (end - start)[:, None]
+    ax, ay, az = along[..., 0], along[..., 1], along[..., 2]
+    x, y, z = (points[:, :, None, axis] - start[:, None, :, axis] for axis in range(3))
+    squared = ax * ax + ay * ay + az * az
+    share = (x * ax + y * ay + z * az) / np.where(squared > 0.0, squared, 1.0)
+    share = np.minimum(np.maximum(share, 0.0), 1.0)
+    x, y, z = x - share * ax, y - share * ay, z - share * az
+    return (np.sqrt(x * x + y * y + z * z) - radius).min(axis=-1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -37,3 +37,22 @@ def test_an_episode_is_the_same_without_numba(name: str, monkeypatch: pytest.Mon
     assert switched_off >= 6
     for fast, plain in zip(compiled, _run(name, "mujoco"), strict=True):
         np.testing.assert_allclose(fast, plain, rtol=0, atol=1e-11)
+
+
+def test_loops_are_compiled_where_nothing_can_be_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    from numba.core import caching
+
+    def full(*args: object) -> None:
+        raise OSError("No space left on device")
+
+    monkeypatch.setattr(caching.IndexDataCacheFile, "save", full)
+    doubled = kernels.kernel("float64[::1], float64[::1]")(_double)()
+    assert doubled is not None
+    result = np.empty(2)
+    doubled(np.array([1.0, 2.0]), result)
+    np.testing.assert_array_equal(result, [2.0, 4.0])
+
+
+def _double(values: np.ndarray, result: np.ndarray) -> None:
+    for i in range(len(values)):
+        result[i] = 2.0 * values[i]
