@@ -23,9 +23,9 @@ class Lidar:
     bins: sectors of azimuth, counter-clockwise from the frame's x axis. layers: of elevation, from straight down to
     straight up; 0 for a planar lidar, for which heights count as 0. An object at distance d reads exp(-gain d), or
     max(0, 1 - d / max_distance) where a max_distance [m] is given, in its cell. With `aliasing` the cells beside it
-    (not the diagonal ones) read a share that grows as the object nears them, so that the reading is continuous in
-    azimuth. Each cell keeps its largest reading, so neither the number nor the order of objects matters. Size and
-    occlusion are ignored.
+    (not the diagonal ones) read a share that grows as the object nears them, so that a planar reading is continuous in
+    azimuth; with layers, the cells above and below jump from one sector to the next, as in GUARD. Each cell keeps its
+    largest reading, so neither the number nor the order of objects matters. Size and occlusion are ignored.
     """
 
     bins: int = 16
