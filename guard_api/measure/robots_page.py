@@ -128,7 +128,7 @@ def _figure(figure: Figure, values: Mapping[str, float]) -> str:
     if figure.name not in values:
         return "not yet"
     value = values[figure.name]
-    return f"{value:.3g}" + ("*" if abs(value - figure.guard) > NEAR * abs(figure.guard) else "")
+    return f"{value:.3g}" + ("" if figure.reproduced(value) else "*")
 
 
 def _divergence(records: Records) -> list[Table]:

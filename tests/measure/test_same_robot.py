@@ -18,6 +18,7 @@ from guard_api.measure.divergence import compare, measure_divergence, median_tim
 from guard_api.measure.locomotion import differs, interval, moves_by_contact, summarise
 from guard_api.measure.robots_page import MEASURES, refresh, tables
 from guard_api.measure.tapes import Motion, make_tape, play
+from guard_api.measure.targets import measure_targets
 from guard_api.model.library import load_robot, robot_names
 from guard_api.runs.atomic import write_json
 from tests.measure.toy_environment import ToyEnvironment
@@ -267,6 +268,39 @@ def test_every_measure_has_tables(tmp_path: Path, capsys):
         assert made, measure
         assert all(len(row) == len(table.columns) for table in made for row in table.rows)
         assert [row[0] for table in made for row in table.rows] == ["point"] * sum(len(t.rows) for t in made)
+
+
+def test_targets_are_read_from_the_motion_and_starred_when_they_are_not_guards():
+    assert measure_targets("point", "ideal") == pytest.approx(
+        {"speed ahead": 1.5, "way in 6 s": 8.2, "turning": 3.0, "height": 0.1}, rel=0.02
+    )
+    arm = measure_targets("arm6", "ideal")
+    assert list(arm.values()) == pytest.approx([0.4, 1.5, 1.8], rel=1e-3)
+    common = {"backend": "x", "settings": {}, "engines": {}, "manifest": {"git": None}}
+    row = tables("targets", [{"robot": "ant", "values": {"height at rest": 0.1105 * 1.021}, **common}])[0].rows[0]
+    assert row[:4] == ("ant", "height at rest [m]", "0.1105", "0.113*")
+    near = tables("targets", [{"robot": "ant", "values": {"height at rest": 0.1105 * 1.019}, **common}])[0].rows
+    assert near[0][3] == "0.113" and near[1][3] == "not yet"
+
+
+def test_gaps_failures_and_approximations_are_in_the_table_of_conformance():
+    found = {"check": "mass_matrix", "what": "m", "value": 2.0, "tolerance": 1.0, "unit": "kg"}
+    checks = [found | {"status": "passed", "reason": None}, found | {"status": "failed", "reason": None},
+              found | {"status": "gap", "reason": "cannot say"}]  # fmt: skip
+    values = {"checks": checks, "approximations": ["wheels are polyhedra"]}
+    made = tables("conformance", [{"robot": "car", "backend": "x", "values": values}])
+    assert made[0].rows == (("car", "1 hold, 1 gaps, **1 fail**"),)
+    assert [row[-1] for row in made[1].rows] == ["m: 2 > 1", "cannot say"]
+    assert made[2].rows == (("car", "x", "wheels are polyhedra"),)
+
+
+def test_a_failed_check_fails_the_command(tmp_path: Path, monkeypatch):
+    for status, expected in (("failed", 1), ("gap", 0)):
+        check = {"check": "c", "status": status, "reason": "r"}
+        made = {"checks": [check], "approximations": []}
+        monkeypatch.setattr("guard_api.cli.compare_command.measure_conformance", lambda *_, made=made: made)
+        out = ["--robots", "point", "--backends", "ideal", "--out", str(tmp_path), "--again", "--json"]
+        assert run(["compare", "conformance", *out]) == expected
 
 
 def test_refused_robots_are_in_the_tables(tmp_path: Path):
