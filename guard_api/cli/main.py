@@ -14,6 +14,8 @@ from guard_api.errors import GuardError, unknown_name
 COMMANDS: Final[dict[str, str]] = {
     "list": "show environments, robots, tasks, constraints, algorithms or backends",
     "train": "train a policy on one backend",
+    "suite": "train a grid of environments, algorithms, backends and seeds, some at a time",
+    "plot": "draw learning curves of training runs, with intervals over seeds",
     "eval": "evaluate a trained policy on any backend",
     "export": "write a trained policy as an ONNX file",
     "transfer": "train on some backends, evaluate on all: the transfer matrix",
@@ -22,7 +24,7 @@ COMMANDS: Final[dict[str, str]] = {
     "conform": "check a backend against the contract, clause by clause",
     "compare": "measure whether each robot is the same in every simulator: motion, gait, endurance, speed",
     "bench": "measure steps per second and the overhead over raw physics",
-    "report": "write the report of a transfer directory again",
+    "report": "tabulate training runs beside published results, or write a transfer's report again",
     "doctor": "say what works on this machine, and what to install where it does not",
 }
 """Sub-command -> what it does; the module of the same name under `guard_api.cli` runs it."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +16,7 @@ from guard_api.cli.interrupt import stop_request
 from guard_api.cli.options import parse_with_algorithm, whole_steps
 from guard_api.cli.output import print_json, print_table
 from guard_api.errors import RunError
+from guard_api.measure.diagnosis import Finding
 from guard_api.measure.training import Training, train
 from guard_api.runs.directory import RunDirectory
 from guard_api.suite import make_spec
@@ -108,7 +110,13 @@ def _train(training: Training, workers: int | None, quiet: bool) -> bool:
             metrics = f"return {row['return_mean']:.2f}  cost {row['cost_mean']:.2f}  {row['steps_per_second']:,.0f}/s"
             progress.update(bar, completed=row["total_steps"], metrics=metrics)
 
-        return train(training, report, stop, workers)
+        def warn(finding: Finding) -> None:
+            if quiet:  # the output is JSON
+                print(f"warning: {finding}", file=sys.stderr)
+            else:
+                progress.console.print(f"warning: {finding}", markup=False)
+
+        return train(training, report, stop, workers, warn)
 
 
 def _print_summary(run: RunDirectory, as_json: bool) -> None:

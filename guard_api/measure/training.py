@@ -13,13 +13,17 @@ from guard_api import plugins
 from guard_api.algorithm import TrainingJob, deciding_options
 from guard_api.env import make_environment
 from guard_api.errors import RunError
-from guard_api.runs.atomic import read_json, write_json
+from guard_api.measure.diagnosis import Finding, cost_limits, diagnose, to_jsonl
+from guard_api.runs.atomic import read_json, write_json, write_text
 from guard_api.runs.directory import RunDirectory
 from guard_api.runs.manifest import build_manifest
 from guard_api.spec import EnvSpec
 
 FINISHED: Final = "finished.json"
 """Marks a run directory whose training reached its steps; names them and the checkpoint of the final policy."""
+
+DIAGNOSIS: Final = "diagnosis.jsonl"
+"""What went wrong in a run, one finding per line; missing where nothing did."""
 
 _DECIDERS: Final = ("spec_fingerprint", "assets", "backend", "algorithm", "seed", "num_worlds")
 """What of a manifest must agree for a training to go on."""
@@ -59,10 +63,12 @@ def train(
     report: Callable[[Mapping[str, float]], None],
     should_stop: Callable[[], bool],
     workers: int | None = None,
+    warn: Callable[[Finding], None] = lambda finding: None,
 ) -> bool:
     """Train it, going on from its last checkpoint if there is one; return whether it is finished.
 
-    report: called with the metrics row after every epoch. Raises RunError where the run directory is of another
+    report: called with the metrics row after every epoch. warn: called with what goes wrong (`diagnosis`), of which
+    `diagnosis.jsonl` keeps the whole list. Raises RunError where the run directory is of another
     training, naming what differs, and whatever the plugins raise.
     """
     if is_trained(training):
@@ -78,6 +84,12 @@ def train(
     try:
         run, resume = _open(training)
         with contextlib.closing(run):
+            doctor = _Doctor(run, cost_limits(training.config), env.action_size, warn)
+
+            def after_epoch(row: Mapping[str, float]) -> None:
+                doctor.look()
+                report(row)
+
             job = TrainingJob(
                 env=env,
                 run=run,
@@ -85,7 +97,7 @@ def train(
                 total_steps=training.total_steps,
                 seed=training.seed,
                 resume=resume,
-                report=report,
+                report=after_epoch,
                 should_stop=should_stop,
             )
             if not algorithm.train(job):
@@ -99,6 +111,28 @@ def train(
         )
     write_json(training.path / FINISHED, {"checkpoint": last.name, "total_steps": training.total_steps})
     return True
+
+
+class _Doctor:
+    """Diagnoses a run after every epoch: keeps `diagnosis.jsonl` up to date and warns of what is new."""
+
+    def __init__(
+        self, run: RunDirectory, limits: Mapping[str, float], action_size: int, warn: Callable[[Finding], None]
+    ) -> None:
+        self._run, self._limits, self._action_size, self._warn = run, limits, action_size, warn
+        self._written: list[Finding] | None = None
+
+    def look(self) -> None:
+        """Look at all rows of the log; an interrupted run's file may know of epochs that are trained again."""
+        rows = self._run.rows()
+        findings = diagnose(rows, limits=self._limits, action_size=self._action_size)
+        file = self._run.path / DIAGNOSIS
+        if findings != self._written and (findings or file.exists()):
+            write_text(file, to_jsonl(findings))
+        self._written = findings
+        for finding in findings:
+            if finding.epoch == rows[-1]["epoch"]:
+                self._warn(finding)
 
 
 def _open(training: Training) -> tuple[RunDirectory, bool]:
@@ -115,7 +149,8 @@ def _open(training: Training) -> tuple[RunDirectory, bool]:
     )
     if path.exists() and any(path.iterdir()):
         run = RunDirectory.open(path)
-        _check(training, run, manifest)
+        if run.rows() or run.last_checkpoint() is not None:  # otherwise its first start was refused
+            _check(training, run, manifest)
         if run.last_checkpoint() is not None:
             (path / FINISHED).unlink(missing_ok=True)  # of fewer steps
             return run, True

@@ -52,10 +52,7 @@ class ProgressLog:
 
     def rows(self) -> list[dict[str, float]]:
         """Return every row, without its empty columns. Raises RunError for a cell that is not a number."""
-        if not self.path.exists():
-            return []
-        with self.path.open(newline="") as file:
-            return [self._parse(row, number) for number, row in enumerate(csv.DictReader(file), start=2)]
+        return read_rows(self.path)
 
     def truncate(self, epoch: int) -> None:
         """Drop every row whose `epoch` is greater than `epoch`, atomically."""
@@ -69,12 +66,6 @@ class ProgressLog:
         csv.writer(header, lineterminator="\n").writerow(columns)
         write_text(self.path, header.getvalue() + "".join(_line(columns, row) for row in rows))
 
-    def _parse(self, row: Mapping[str, str | None], number: int) -> dict[str, float]:
-        try:
-            return {name: float(text) for name, text in row.items() if text}
-        except (TypeError, ValueError) as error:
-            raise RunError(f"{self.path}:{number}: {error}: repair or delete this line") from error
-
     def _drop_torn_line(self) -> None:
         if not self.path.exists():
             return
@@ -83,6 +74,25 @@ class ProgressLog:
         if whole < len(data):
             with disk_errors(self.path):
                 os.truncate(self.path, whole)
+
+
+def read_rows(path: Path) -> list[dict[str, float]]:
+    """Return the rows of the log at `path`, none where there is no file; changes nothing, so a run may be writing it.
+
+    A torn last line is left out, and so are empty columns. Raises RunError for a cell that is not a number.
+    """
+    if not path.exists():
+        return []
+    text = path.read_text()
+    whole = io.StringIO(text[: text.rfind("\n") + 1])
+    return [_parse(path, row, number) for number, row in enumerate(csv.DictReader(whole), start=2)]
+
+
+def _parse(path: Path, row: Mapping[str, str | None], number: int) -> dict[str, float]:
+    try:
+        return {name: float(text) for name, text in row.items() if text}
+    except (TypeError, ValueError) as error:
+        raise RunError(f"{path}:{number}: {error}: repair or delete this line") from error
 
 
 def _line(columns: Sequence[str], row: Mapping[str, float]) -> str:
