@@ -30,7 +30,8 @@ class TrainingState:
     """What is not a tensor: where the training stands, and what it must be continued with.
 
     policy_sizes: widths of the policy's network, observation first and action last. job: see `identity`. cost_names:
-    the environment's, in order (empty in a checkpoint that was written before they were kept).
+    the environment's, in order (empty in a checkpoint that was written before they were kept). best: how
+    good the best policy so far was (`best.Standing`; None likewise: then the best is sought among the epochs to come).
     """
 
     algorithm: str
@@ -40,6 +41,7 @@ class TrainingState:
     total_steps: int
     cumulative_cost: float
     cost_names: tuple[str, ...] = ()
+    best: tuple[bool, float] | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Return the state as JSON data."""

@@ -18,6 +18,7 @@ from torch import Tensor
 from guard_algos import checkpoint as checkpoints
 from guard_algos import constraints
 from guard_algos.batch import Batch, make_batch
+from guard_algos.best import Standing, standing
 from guard_algos.checkpoint import TrainingState
 from guard_algos.config import CostLimits, OnPolicyConfig, paper
 from guard_algos.constraints import Constraint
@@ -164,6 +165,7 @@ class _Training:
             ),
         )
         self._epoch, self._total_steps, self._cumulative_cost = 0, 0, 0.0
+        self._best: Standing | None = None
 
     def run(self) -> bool:
         """Train epoch by epoch; return whether the job's steps were reached."""
@@ -205,11 +207,13 @@ class _Training:
             self._config,
             self._pool,
         )
+        acting = {name: tensor.clone() for name, tensor in self._acting().items()}
         learned = self._method.improve(self._policy, self._theta, batch, self._pool) | self._fit_critics(batch)
         done = perf_counter()
         self._epoch += 1
         self._total_steps += self._epoch_steps
         self._cumulative_cost += float(rollout.costs.sum())
+        self._keep_best(standing(batch.episodes, self._constraints), acting)
         times = {"time_rollout": collected - begin, "time_update": done - collected}
         return self._row(batch) | learned | times | {"steps_per_second": self._epoch_steps / (done - begin)}
 
@@ -237,8 +241,19 @@ class _Training:
             row |= {f"{name}_loss_before": before, f"{name}_loss_after": after}
         return row
 
+    def _keep_best(self, now: Standing, acting: Mapping[str, Tensor]) -> None:
+        """Save the policy that acted in the epoch that just ended, if it is the best so far."""
+        if self._best is None or now > self._best:
+            self._best = now
+            arrays = {name: tensor.numpy() for name, tensor in acting.items()}
+            self._job.run.save_best(arrays, self._state().to_json())
+
     def _save(self) -> None:
-        state = TrainingState(
+        tensors = checkpoints.to_arrays(self._tensors(), self._generator)
+        self._job.run.save_checkpoint(self._epoch, tensors, self._state().to_json())
+
+    def _state(self) -> TrainingState:
+        return TrainingState(
             algorithm=self._algorithm.name,
             policy_sizes=self._policy.network.sizes,
             job=checkpoints.identity(self._job),
@@ -246,9 +261,8 @@ class _Training:
             total_steps=self._total_steps,
             cumulative_cost=self._cumulative_cost,
             cost_names=tuple(self._job.env.cost_names),
+            best=None if self._best is None else (self._best.within, self._best.merit),
         )
-        tensors = checkpoints.to_arrays(self._tensors(), self._generator)
-        self._job.run.save_checkpoint(self._epoch, tensors, state.to_json())
 
     def resume(self) -> None:
         """Go back to the last checkpoint, or to the start where the run was stopped before its first one."""
@@ -257,11 +271,16 @@ class _Training:
             state = checkpoints.restore(path, self._algorithm.name, self._job, self._tensors(), self._generator)
             self._epoch, self._total_steps = state.epoch, state.total_steps
             self._cumulative_cost = state.cumulative_cost
+            self._best = None if state.best is None else Standing(*state.best)
         self._job.run.truncate_log(self._epoch)
+
+    def _acting(self) -> dict[str, Tensor]:
+        """Return everything live that decides the actions."""
+        return {checkpoints.POLICY: self._theta} | _nested("method", self._method.tensors())
 
     def _tensors(self) -> dict[str, Tensor]:
         """Return everything that is learned, live."""
-        tensors = {checkpoints.POLICY: self._theta} | _nested("method", self._method.tensors())
+        tensors = self._acting()
         for name, critic in self._critics.items():
             tensors |= _nested(f"critic.{name}", critic.tensors())
         return tensors

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import tyro
 
@@ -25,7 +25,9 @@ class Options:
     """Which policy, where, and how long."""
 
     run: Annotated[Path, tyro.conf.Positional]
-    """Run directory of the policy; its last checkpoint is used."""
+    """Run directory of the policy."""
+    checkpoint: Literal["last", "best"] = "last"
+    """Which of its policies: the last one, or the best of the epochs within the limits (see the algorithm)."""
     backend: str | None = None
     """Simulator to evaluate in; the one it was trained in when left out."""
     episodes: int = 100
@@ -47,7 +49,7 @@ def main(argv: Sequence[str]) -> int:
         raise SpecError(f"--episodes is {options.episodes}: it must be at least 1")
     run = RunDirectory.open(options.run)
     backend = options.backend or str(run.manifest["backend"])
-    policy = _load_policy(run)
+    policy = _load_policy(run, options.checkpoint)
     spec = EnvSpec.from_json(run.manifest["spec"])
     worlds = min(options.num_worlds, options.episodes)
     env = make_environment(spec, backend=backend, num_worlds=worlds, seed=options.seed)
@@ -57,16 +59,25 @@ def main(argv: Sequence[str]) -> int:
         env.close()
     trained = f"{run.manifest['algorithm']}, trained in {run.manifest['backend']}"
     if options.json:
-        print_json({"run": str(options.run), "backend": backend, "policy": trained, **table.to_json()})
+        print_json(
+            {
+                "run": str(options.run),
+                "backend": backend,
+                "checkpoint": options.checkpoint,
+                "policy": trained,
+                **table.to_json(),
+            }
+        )
     else:
         _print(f"{options.run} ({trained}) in {backend}: {options.episodes} episodes of {spec.name}", table)
     return 0
 
 
-def _load_policy(run: RunDirectory) -> Policy:
-    checkpoint = run.last_checkpoint()
+def _load_policy(run: RunDirectory, which: Literal["last", "best"]) -> Policy:
+    checkpoint = run.best_checkpoint() if which == "best" else run.last_checkpoint()
     if checkpoint is None:
-        raise RunError(f"{run.path}: has no checkpoint yet: train it longer with `guard train --resume`")
+        kind = "best checkpoint" if which == "best" else "checkpoint yet"
+        raise RunError(f"{run.path}: has no {kind}: train it longer with `guard train --resume`")
     return plugins.load("guard.algorithms", str(run.manifest["algorithm"])).load_policy(checkpoint)
 
 

@@ -23,6 +23,9 @@ FORMAT = "guard-run-1"
 KEPT_CHECKPOINTS = 3
 """How many of the newest checkpoints a run keeps; older ones are deleted once a newer one is safe on the disk."""
 
+BEST = "best"
+"""Folder of the best policy's checkpoint."""
+
 
 class RunDirectory:
     """One training run on disk. Everything in it is whole at any moment but the log's last line, which a kill may tear.
@@ -99,6 +102,17 @@ class RunDirectory:
             for leftover in path.parent.glob(".*.tmp"):  # of a kill in the middle of an earlier write
                 shutil.rmtree(leftover)
         return path
+
+    def save_best(self, tensors: Mapping[str, np.ndarray], state: Mapping[str, Any]) -> Path:
+        """Write `checkpoints/best/`, the best policy so far by the algorithm's rule, in place of the one before."""
+        path = self.path / "checkpoints" / BEST
+        save_checkpoint(path, tensors, state)
+        return path
+
+    def best_checkpoint(self) -> Path | None:
+        """Return the best policy's checkpoint, which cannot be resumed; None where the algorithm keeps none."""
+        path = self.path / "checkpoints" / BEST
+        return path if path.is_dir() else None
 
     def checkpoints(self) -> list[Path]:
         """Return the checkpoints, oldest first."""
