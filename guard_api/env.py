@@ -20,7 +20,8 @@ from guard_api.physics.state import Array, Mask, State
 from guard_api.physics.transition import Snapshot, SnapshotReader, Transition
 from guard_api.scene.episode import EpisodeStarter
 from guard_api.scene.spec import BodyGroup, SceneSpec
-from guard_api.sensors.robot_sensors import RobotSensors
+from guard_api.sensors.inertial import InertialSensors
+from guard_api.sensors.proprioception import Proprioception
 from guard_api.spec import EnvSpec
 from guard_api.suite import make_spec
 
@@ -80,7 +81,7 @@ class Environment:
         self.cost_names = tuple(constraint.name for constraint in spec.constraints)
         self.action_size = len(self.robot.actuators)
         self._starter = EpisodeStarter(self.scene, self._groups, spec.extents, num_worlds, spec.robot_placement)
-        self._sensors = RobotSensors(self.robot)
+        self._sensors = (InertialSensors(self.robot), Proprioception(self.robot))
         self._reader = SnapshotReader(self.robot)
         self._slices = {group.name: self.scene.body_slice(group.name) for group in self.scene.groups}
         self.world = build_world(plugins.load("guard.backends", backend), self.scene, num_worlds, workers)
@@ -234,7 +235,9 @@ class Environment:
         return costs
 
     def _readings(self, t: Transition) -> dict[str, Array]:
-        readings = self._sensors.read(t)
+        readings: dict[str, Array] = {}
+        for sensors in self._sensors:
+            readings.update(sensors.read(t))
         for term in self.spec.terms:
             readings.update(term.observe(t))
         return readings

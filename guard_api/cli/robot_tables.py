@@ -8,7 +8,8 @@ import numpy as np
 
 from guard_api.model.robot import Actuator, Joint, Link, RobotModel, Sensor
 from guard_api.physics.transition import SnapshotReader, Transition
-from guard_api.sensors.robot_sensors import RobotSensors
+from guard_api.sensors.inertial import InertialSensors
+from guard_api.sensors.proprioception import Proprioception
 from guard_api.viewer.home import home_state
 
 
@@ -104,7 +105,7 @@ def _observation(robot: RobotModel) -> list[dict[str, Any]]:
     standstill = Transition(
         previous=now, now=now, action=np.zeros((1, len(robot.actuators))), duration=robot.substeps * robot.timestep
     )
-    readings = RobotSensors(robot).read(standstill)
+    readings = InertialSensors(robot).read(standstill) | Proprioception(robot).read(standstill)
     return [
         {"reading": name, "size": readings[name].shape[1], "at home": readings[name][0].tolist()}
         for name in sorted(readings)

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from guard_api.constraints.depth import depth
 from guard_api.physics.transition import Array, Snapshot, Transition
 from guard_api.scene.motion import advanced, away_from_neighbours, towards
 from guard_api.scene.spec import BodyGroup, BodySpec, Placement
@@ -21,7 +20,7 @@ class Ghosts:
 
     They approach at `speed` [m/s] until they are `respect` [m] from the robot's reference, keep 2 `size` apart, and
     return when they are further than `travel` [m] from the origin. Trespassable ghosts cost their depth
-    (`guard_api.constraints.depth`); `solid` ones push, and cost 1 for each that touches the robot. Both times `weight`.
+    (`Snapshot.depth`); `solid` ones push, and cost 1 for each that touches the robot. Both times `weight`.
     """
 
     count: int
@@ -82,4 +81,4 @@ class Ghosts:
         """Return how deep the robot is in each ghost [m], or 1 where a solid one touches it: (N, count)."""
         if self.solid:
             return now.contact(self.name).astype(float)
-        return depth(now, now.bodies[self.name], self.size, spatial=self.heights is not None)
+        return now.depth(now.bodies[self.name], self.size, spatial=self.heights is not None)

@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from guard_api.constraints.depth import depth
 from guard_api.physics.transition import Array, Snapshot, Transition
 from guard_api.scene.spec import BodyGroup, BodySpec, Placement
 from guard_api.sensors.lidar import Lidar
@@ -21,7 +20,7 @@ from guard_api.shapes import Cylinder, Sphere
 class Hazards:
     """`count` discs of radius `size` [m], or balls where `heights` (low, high) [m] are given.
 
-    cost = weight * sum_i depth_i, how deep the robot is in each (`guard_api.constraints.depth`).
+    cost = weight * sum_i depth_i, how deep the robot is in each (`Snapshot.depth`).
     keepout: radius kept free around each hazard when placed [m]. reach: the most distance from the origin in the
     plane [m]. Balls are never placed on the robot.
     """
@@ -71,4 +70,4 @@ class Hazards:
 
     def _depth(self, now: Snapshot) -> Array:
         """Return how deep the robot is in each hazard: (N, count) [m]."""
-        return depth(now, now.bodies[self.name], self.size, spatial=self.heights is not None)
+        return now.depth(now.bodies[self.name], self.size, spatial=self.heights is not None)

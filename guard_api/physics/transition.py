@@ -58,6 +58,15 @@ class Snapshot:
         """Return the linear velocities of a physical `group`: (N, count, 3) [m/s]."""
         return self.state.body_linear_velocity[:, self.slices[group]]
 
+    def depth(self, centres: Array, size: float, *, spatial: bool) -> Array:
+        """Return max(0, size - d) for round zones of radius `size` [m] at `centres` (N, K, 3): (N, K) [m].
+
+        d is the distance in the plane from the robot's reference to the centre, or with `spatial` the distance in space
+        from the robot, so that a thick robot may be deeper than `size`. Source: GUARD's engine.
+        """
+        away = self.distance(centres) if spatial else planar_distance(self.position, centres)
+        return np.maximum(size - away, 0.0)
+
     def distance(self, points: Array) -> Array:
         """Return how far `points` (N, K, 3) are from the robot: (N, K) [m].
 

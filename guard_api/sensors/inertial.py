@@ -27,19 +27,20 @@ class InertialSensors:
     """The inertial sensors of one robot, every kind on all links at once; `read` is pure."""
 
     def __init__(self, robot: RobotModel) -> None:
-        links = list(dict.fromkeys(str(sensor.link) for sensor in robot.sensors))
+        inertial = [sensor for sensor in robot.sensors if sensor.kind in _WORLD_VECTORS]
+        links = list(dict.fromkeys(str(sensor.link) for sensor in inertial))
         self._links = rows_of([robot.link_index(link) for link in links])
         self._only_root = robot.reference is None and links == [robot.root]
-        on_link = [[sensor for sensor in robot.sensors if sensor.link == link] for link in links]
+        on_link = [[sensor for sensor in inertial if sensor.link == link] for link in links]
         # World vectors lie in one array (N, links, slots, 3), so that all frames are applied in one product.
         self._slots = max(map(len, on_link), default=0)
         place = {sensor.name: (i, slot) for i, on in enumerate(on_link) for slot, sensor in enumerate(on)}
         self._kinds = [
             (vectors, _Sites(robot, sensors), [place[sensor.name] for sensor in sensors])
             for kind, vectors in _WORLD_VECTORS.items()
-            if (sensors := [sensor for sensor in robot.sensors if sensor.kind == kind])
+            if (sensors := [sensor for sensor in inertial if sensor.kind == kind])
         ]
-        turns = {s.name: None if s.pose.quaternion == IDENTITY else s.pose.quaternion for s in robot.sensors}
+        turns = {s.name: None if s.pose.quaternion == IDENTITY else s.pose.quaternion for s in inertial}
         self._readings = [(name, *at, turns[name]) for name, at in place.items()]
 
     def read(self, t: Transition) -> dict[str, Array]:

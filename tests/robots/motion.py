@@ -14,7 +14,8 @@ from guard_api.physics.state import State
 from guard_api.physics.transition import SnapshotReader, Transition
 from guard_api.scene.spec import ContactPreset, SceneSpec
 from guard_api.scene.start import home_start
-from guard_api.sensors.robot_sensors import RobotSensors
+from guard_api.sensors.inertial import InertialSensors
+from guard_api.sensors.proprioception import Proprioception
 
 Array = NDArray[np.float64]
 
@@ -77,7 +78,8 @@ def readings(robot: RobotModel, states: list[State]) -> dict[str, Array]:
     before, now = (reader.read(state, **rest) for state in states[-2:])
     action = np.zeros((len(states[-1].ok), len(robot.actuators)))
     transition = Transition(previous=before, now=now, action=action, duration=robot.timestep * robot.substeps)
-    return dict(sorted(RobotSensors(robot).read(transition).items()))
+    readings = InertialSensors(robot).read(transition) | Proprioception(robot).read(transition)
+    return dict(sorted(readings.items()))
 
 
 def sizes(robot: RobotModel) -> dict[str, int]:

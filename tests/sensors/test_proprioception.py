@@ -13,7 +13,7 @@ from guard_api.physics.state import State, state_dtype, state_shapes
 from guard_api.physics.transition import SnapshotReader, Transition
 from guard_api.scene.spec import SceneSpec
 from guard_api.sensors.inertial import InertialSensors
-from guard_api.sensors.robot_sensors import RobotSensors
+from guard_api.sensors.proprioception import Proprioception
 from guard_api.testing.robots import touch_sensor
 from guard_api.testing.scenes import tree
 
@@ -40,7 +40,7 @@ def test_joints_and_touch_are_read_by_name():
         *(Sensor(name=f"velocity_{name}", kind="joint_velocity", joint=name) for name in order),
     ))  # fmt: skip
     t = transition(robot)
-    readings, state = RobotSensors(robot).read(t), t.now.state
+    readings, state = Proprioception(robot).read(t), t.now.state
     assert set(readings) == {sensor.name for sensor in robot.sensors}
     assert {joint.kind for joint in joints.values()} == {"revolute", "continuous", "prismatic"}
     for index, (name, joint) in enumerate(joints.items()):
@@ -52,12 +52,13 @@ def test_joints_and_touch_are_read_by_name():
     np.testing.assert_array_equal(readings["touch_zeta"], state.touch[:, [1]])
 
 
-def test_a_robot_without_own_sensors_reads_as_its_inertial_ones():
-    robot = load_robot("point")
+def test_each_sensor_is_read_once():
+    robot = load_robot("ant")
     t = transition(robot)
-    ours, inertial = RobotSensors(robot).read(t), InertialSensors(robot).read(t)
-    assert list(ours) == list(inertial)
-    assert all(np.array_equal(ours[name], inertial[name]) for name in ours)
+    feels, moves = Proprioception(robot).read(t), InertialSensors(robot).read(t)
+    assert feels.keys().isdisjoint(moves)
+    assert feels.keys() | moves.keys() == {sensor.name for sensor in robot.sensors}
+    assert not Proprioception(load_robot("point")).read(transition(load_robot("point")))
 
 
 @pytest.mark.parametrize("kind", ["relative_rotation", "relative_angular_velocity", "joint_position"])
@@ -70,5 +71,5 @@ def test_a_world_reads_the_same_bits_alone(kind):
     rest = {"bodies": {}, "origins": {}, "slices": {}, "steps_since_success": np.zeros(1, np.int64)}
     now = SnapshotReader(robot).read(State(**arrays), **rest)
     one = Transition(previous=now, now=now, action=np.zeros((1, 1)), duration=0.02)
-    sensors = RobotSensors(robot)
+    sensors = Proprioception(robot)
     assert sensors.read(one)["it"].tobytes() == sensors.read(many)["it"][5:6].tobytes()
