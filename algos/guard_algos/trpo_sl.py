@@ -1,8 +1,9 @@
 """TRPO-SL: TRPO behind a safety layer, which moves every action as little as a linear model of the next cost allows.
 
-    argmin over a in [-1, 1]^A of |a - a_pi|^2 / 2   subject to   c_k(s) + g_k(s) . a <= C_k
+    argmin over a in [-1, 1]^A of |a - a_pi|^2 / 2   subject to   c_k(s) + b_k(s) + g_k(s) . a <= C_k
 
-c_k(s) is the cost measured in the step before, g_k a network, and C_k the threshold of the next step's cost.
+c_k(s) is the cost measured in the step before, b_k and g_k are one network, and C_k is the threshold of the next step's
+cost.
 Source: Dalal et al. 2018, "Safe Exploration in Continuous Action Spaces", sections 4 and 5 and proposition 1.
 
 Decisions:
@@ -14,8 +15,9 @@ Decisions:
 - The bounds belong to the problem: its solution is exact (`box.project`), the paper's closed form is clipped afterwards
   and then exceeds the threshold although an action exists that meets it. Away from the bounds both are the same.
 - Of several constraints, the one with the largest multiplier is taken to be active, as the paper does.
-- The model looks one step ahead, as the paper's. Where an action moves the velocity and the velocity the cost, as in
-  robots driven by forces, g mostly finds which actions went along with a rising cost: the layer may then raise costs.
+- b, how the cost drifts whatever is done, is not in the paper, whose actions are positions. Where an action moves the
+  velocity and the velocity the cost, as in robots driven by forces, the drift is most of the change; without b it goes
+  into g as the actions that happened to go along with it, and the layer raises the costs that it is there to lower.
 - What is executed cannot take part in the gradient, and the proposed action does: `shield` says why.
 """
 
@@ -45,7 +47,10 @@ class TrpoSlConfig(shield.ShieldConfig):
 
 
 class CostModel:
-    """g(s): how much the cost of the next step, c(s') = c(s) + g(s) . a, changes with the action."""
+    """b(s) and g(s): how the cost of the next step, c(s') = c(s) + b(s) + g(s) . a, changes by itself and by the action.
+
+    network: from observations to the A components of g, then b.
+    """
 
     def __init__(self, network: Mlp, generator: torch.Generator, learning_rate: float) -> None:
         self._network = network
@@ -56,19 +61,21 @@ class CostModel:
         """Return the live parameters and optimiser state."""
         return {"parameters": self._parameters} | {f"adam.{k}": v for k, v in self._adam.tensors().items()}
 
-    def slope(self, observation: Tensor) -> Tensor:
-        """Return g (M, A) at observations (M, O)."""
-        return self._network.forward(self._parameters, observation)
+    def change(self, observation: Tensor) -> tuple[Tensor, Tensor]:
+        """Return g (M, A) and b (M,) at observations (M, O)."""
+        output = self._network.forward(self._parameters, observation)
+        return output[:, :-1], output[:, -1]
 
     def fit(
         self, observation: Tensor, action: Tensor, change: Tensor, weight: Tensor, iterations: int, pool: Executor
     ) -> tuple[float, float]:
-        """Take Adam steps on sum(weight (g(s) . a - change)^2); return its value before and after.
+        """Take Adam steps on sum(weight (b(s) + g(s) . a - change)^2); return its value before and after.
 
         action: (M, A) executed. change: (M,) c(s') - c(s). weight: (M,), of sum 1. Raises NotFiniteError for a loss
         that is not finite.
         """
-        columns = [pieces(column) for column in (observation, action, change, weight)]
+        factors = torch.cat([action, torch.ones(len(action), 1)], dim=1)  # of the network's outputs, g and b
+        columns = [pieces(column) for column in (observation, factors, change, weight)]
 
         def add(rows: Tensor, a: Tensor, goal: Tensor, w: Tensor, out: Tensor) -> None:
             activations = self._network.activations(self._parameters, rows)
@@ -76,7 +83,7 @@ class CostModel:
             self._network.pull(self._parameters, activations, (2 * w * error)[:, None] * a, out)
 
         def loss() -> float:
-            error = (self._network.outputs(self._parameters, observation, pool) * action).sum(-1) - change
+            error = (self._network.outputs(self._parameters, observation, pool) * factors).sum(-1) - change
             return float(finite((weight * error.square()).double().sum(), "loss of a cost model"))
 
         before = loss()
@@ -93,7 +100,7 @@ class TrpoSl(Method):
         self._signals = config.signals(problem.cost_names)
         self._limits = torch.tensor([signal.limit for signal in self._signals])
         self._warmup = shield.Warmup(config.warmup_ratio, problem.total_steps)
-        network = Mlp((problem.observation_size, *config.hidden, problem.action_size))
+        network = Mlp((problem.observation_size, *config.hidden, problem.action_size + 1))
         self._models = [CostModel(network, problem.generator, config.value_learning_rate) for _ in self._signals]
 
     def correct(self, observation: Tensor, costs: Tensor | None, action: Tensor) -> Tensor:
@@ -122,7 +129,7 @@ class TrpoSl(Method):
         """Raise the surrogate return, then fit the models of the costs."""
         executed = shield.clipped(batch.rollout.executed.flatten(0, 1))
         before = self._reduced(torch.from_numpy(costs_before(batch.rollout))).flatten(0, 1)
-        unmet = (self._excess(self._slopes(batch.observation), executed, before) > _ROUNDING).any(-1)
+        unmet = (self._excess(*self._changes(batch.observation), executed, before) > _ROUNDING).any(-1)
         row = shield.row(batch, self._warmup.over, unmet)
         objective = trust_region.surrogate(batch.reward_advantage, batch.log_prob)
         row |= trust_region.update(policy, theta, batch, self._config, pool, objective=objective).row()
@@ -142,21 +149,23 @@ class TrpoSl(Method):
 
     def _corrected(self, observation: Tensor, costs: Tensor | None, action: Tensor) -> Tensor:
         assert costs is not None
-        slope, inside = self._slopes(observation), shield.clipped(action)
-        excess = self._excess(slope, inside, self._reduced(costs))
+        slope, drift = self._changes(observation)
+        inside = shield.clipped(action)
+        excess = self._excess(slope, drift, inside, self._reduced(costs))
         return torch.where((excess > 0).any(-1, keepdim=True), safest(inside, slope, excess), action)
 
-    def _slopes(self, observation: Tensor) -> Tensor:
-        """Return g (M, K, A)."""
-        return torch.stack([model.slope(observation) for model in self._models], dim=1)
+    def _changes(self, observation: Tensor) -> tuple[Tensor, Tensor]:
+        """Return g (M, K, A) and b (M, K)."""
+        slopes, drifts = zip(*(model.change(observation) for model in self._models), strict=True)
+        return torch.stack(slopes, dim=1), torch.stack(drifts, dim=1)
 
     def _reduced(self, costs: Tensor) -> Tensor:
         """Return the watched sums (..., K) of the environment's costs (..., C)."""
         return torch.stack([costs[..., list(s.columns)].sum(-1) for s in self._signals], dim=-1).float()
 
-    def _excess(self, slope: Tensor, action: Tensor, costs: Tensor) -> Tensor:
+    def _excess(self, slope: Tensor, drift: Tensor, action: Tensor, costs: Tensor) -> Tensor:
         """Return by how much the predicted next costs (M, K) exceed their thresholds."""
-        return costs + (slope * action[:, None]).sum(-1) - self._limits
+        return costs + drift + (slope * action[:, None]).sum(-1) - self._limits
 
 
 _ROUNDING = 1e-5
@@ -164,9 +173,9 @@ _ROUNDING = 1e-5
 
 
 def safest(action: Tensor, slope: Tensor, excess: Tensor) -> Tensor:
-    """Return `action` (N, A) projected onto the constraint with the largest multiplier [(c + g . a - C) / g . g]^+.
+    """Return `action` (N, A) projected onto the constraint with the largest multiplier [excess / g . g]^+.
 
-    slope: (N, K, A) g. excess: (N, K) of c + g . a above the threshold C. Source: Dalal et al. 2018, proposition 1.
+    slope: (N, K, A) g. excess: (N, K) of the predicted cost above its threshold. Source: Dalal et al. 2018, prop. 1.
     """
     square = slope.square().sum(-1)
     multiplier = torch.where(square > 0, excess / square.clamp(min=torch.finfo(square.dtype).tiny), 0.0)

@@ -72,6 +72,8 @@ def train(
     training, naming what differs, and whatever the plugins raise.
     """
     if is_trained(training):
+        with contextlib.closing(RunDirectory.open(training.path)) as run:
+            _check(training, run, _manifest(training))
         return True
     algorithm = plugins.load("guard.algorithms", training.algorithm)
     env = make_environment(
@@ -137,16 +139,7 @@ class _Doctor:
 
 def _open(training: Training) -> tuple[RunDirectory, bool]:
     """Return the run directory and whether it can be resumed; one without a checkpoint holds nothing to keep."""
-    path = training.path
-    manifest = build_manifest(
-        env_spec=training.spec,
-        backend=plugins.load("guard.backends", training.backend),
-        algorithm=training.algorithm,
-        seed=training.seed,
-        num_worlds=training.num_worlds,
-        total_steps=training.total_steps,
-        preset=training.preset,
-    )
+    path, manifest = training.path, _manifest(training)
     if path.exists() and any(path.iterdir()):
         run = RunDirectory.open(path)
         if run.rows() or run.last_checkpoint() is not None:  # otherwise its first start was refused
@@ -156,6 +149,18 @@ def _open(training: Training) -> tuple[RunDirectory, bool]:
             return run, True
         shutil.rmtree(path)
     return RunDirectory.create(path, manifest=manifest, config=asdict(training.config)), False
+
+
+def _manifest(training: Training) -> dict[str, Any]:
+    return build_manifest(
+        env_spec=training.spec,
+        backend=plugins.load("guard.backends", training.backend),
+        algorithm=training.algorithm,
+        seed=training.seed,
+        num_worlds=training.num_worlds,
+        total_steps=training.total_steps,
+        preset=training.preset,
+    )
 
 
 def _check(training: Training, run: RunDirectory, manifest: Mapping[str, Any]) -> None:
