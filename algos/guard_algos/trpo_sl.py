@@ -47,7 +47,7 @@ class TrpoSlConfig(shield.ShieldConfig):
 
 
 class CostModel:
-    """b(s) and g(s): how the cost of the next step, c(s') = c(s) + b(s) + g(s) . a, changes by itself and by the action.
+    """c(s') = c(s) + b(s) + g(s) . a: how the cost of the next step changes by itself and by the action.
 
     network: from observations to the A components of g, then b.
     """
