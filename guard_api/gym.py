@@ -1,12 +1,13 @@
 """Gymnasium's faces of the environment: single, vectorised, and the 6-tuple of Safety-Gymnasium-style libraries.
 
 Importing this module registers every environment of the suite, so that
-`gymnasium.make("guard_api.gym:guard/Goal_Point_8Hazards-v0", backend="bullet")` works in one line.
+`gymnasium.make("guard_api.gym:guard/Goal_Point_8Hazards-v0", backend="bullet")` works in one line. Observations are
+flat, (O,), or with `observations="dict"` a dictionary of the readings by name, such as "goal_compass".
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
 import gymnasium
 import numpy as np
@@ -16,10 +17,13 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from guard_api.env import Environment, Step, make_environment
+from guard_api.errors import SpecError
 from guard_api.spec import EnvSpec
 from guard_api.suite import known_names
 
-Observation = NDArray[Any]
+Observation: TypeAlias = NDArray[Any] | dict[str, NDArray[Any]]
+Form: TypeAlias = Literal["flat", "dict"]
+"""Whether an observation is one array or its readings by name."""
 
 
 class GuardEnv(gymnasium.Env[Observation, NDArray[Any]]):
@@ -30,9 +34,10 @@ class GuardEnv(gymnasium.Env[Observation, NDArray[Any]]):
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 - Gymnasium declares it so
 
-    def __init__(self, env: str | EnvSpec, backend: str = "mujoco", seed: int = 0) -> None:
+    def __init__(self, env: str | EnvSpec, backend: str = "mujoco", seed: int = 0, observations: Form = "flat") -> None:
+        self._form: Form = _checked(observations)
         self.environment = make_environment(env, backend=backend, num_worlds=1, seed=seed, workers=1)
-        self.observation_space = observation_space(self.environment)
+        self.observation_space = observation_space(self.environment, self._form)
         self.action_space = action_space(self.environment)
         self.cost_names = self.environment.cost_names
         self._episode = -1
@@ -45,7 +50,8 @@ class GuardEnv(gymnasium.Env[Observation, NDArray[Any]]):
         super().reset(seed=seed)
         self._episode = 0 if seed is not None else self._episode + 1
         self._ended = False
-        return self.environment.reset(episode=self._episode, seed=seed)[0], {}
+        observation = self.environment.reset(episode=self._episode, seed=seed)[0]
+        return formed(self.environment, observation, self._form), {}
 
     def step(self, action: NDArray[np.floating]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Advance one step; return observation, reward, terminated, truncated, info."""
@@ -61,7 +67,8 @@ class GuardEnv(gymnasium.Env[Observation, NDArray[Any]]):
         if step.failures:
             info["failure"] = step.failures[0]
         ended = bool(step.terminated[0]), bool(step.truncated[0])
-        return step.final_observation[0], float(step.reward[0]), *ended, info
+        observation = formed(self.environment, step.final_observation[0], self._form)
+        return observation, float(step.reward[0]), *ended, info
 
     def close(self) -> None:
         """Release the world."""
@@ -78,11 +85,18 @@ class GuardVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
     metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": AutoresetMode.SAME_STEP}  # noqa: RUF012
 
     def __init__(
-        self, env: str | EnvSpec, num_envs: int = 1, backend: str = "mujoco", seed: int = 0, workers: int | None = None
+        self,
+        env: str | EnvSpec,
+        num_envs: int = 1,
+        backend: str = "mujoco",
+        seed: int = 0,
+        workers: int | None = None,
+        observations: Form = "flat",
     ) -> None:
+        self._form: Form = _checked(observations)
         self.environment = make_environment(env, backend=backend, num_worlds=num_envs, seed=seed, workers=workers)
         self.num_envs = num_envs
-        self.single_observation_space = observation_space(self.environment)
+        self.single_observation_space = observation_space(self.environment, self._form)
         self.single_action_space = action_space(self.environment)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -95,7 +109,8 @@ class GuardVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
         super().reset(seed=seed)
         # Worlds restart on their own in between; a gap of a million keeps manual resets clear of those episodes.
         self._resets = 0 if seed is not None else self._resets + 1
-        return self.environment.reset(episode=self._resets * 1_000_000, seed=seed), {}
+        observation = self.environment.reset(episode=self._resets * 1_000_000, seed=seed)
+        return formed(self.environment, observation, self._form), {}
 
     def step(
         self, actions: NDArray[np.floating]
@@ -108,9 +123,10 @@ class GuardVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
             final_info = dict(info)
             info["final_obs"] = np.full(self.num_envs, None, dtype=object)
             for i in np.flatnonzero(ended):
-                info["final_obs"][i] = step.final_observation[i]
+                info["final_obs"][i] = formed(self.environment, step.final_observation[i], self._form)
             info |= {"_final_obs": ended, "final_info": final_info, "_final_info": ended}
-        return step.observation, step.reward, step.terminated, step.truncated, info
+        observation = formed(self.environment, step.observation, self._form)
+        return observation, step.reward, step.terminated, step.truncated, info
 
     def close_extras(self, **kwargs: Any) -> None:
         """Release the worlds."""
@@ -126,14 +142,35 @@ class SafetyAdapter(gymnasium.Wrapper):
         return observation, reward, info["cost"], terminated, truncated, info
 
 
-def observation_space(environment: Environment) -> spaces.Box:
-    """Return the space of one world's observation: (O,), unbounded."""
-    return spaces.Box(-np.inf, np.inf, (environment.observation_size,), np.float64)
+def observation_space(environment: Environment, form: Form = "flat") -> spaces.Space[Any]:
+    """Return the space of one world's observation, unbounded: (O,), or each reading's by name."""
+    if form == "flat":
+        return _unbounded(environment.observation_size)
+    layout = environment.observation_layout
+    return spaces.Dict({name: _unbounded(part.stop - part.start) for name, part in layout.items()})
+
+
+def formed(environment: Environment, observation: NDArray[Any], form: Form) -> Observation:
+    """Return `observation` (..., O) as it is, or as its readings (..., k) by name."""
+    if form == "flat":
+        return observation
+    return {name: observation[..., part] for name, part in environment.observation_layout.items()}
 
 
 def action_space(environment: Environment) -> spaces.Box:
     """Return the space of one world's action: (A,) in [-1, 1]."""
     return spaces.Box(-1.0, 1.0, (environment.action_size,), np.float32)
+
+
+def _unbounded(size: int) -> spaces.Box:
+    return spaces.Box(-np.inf, np.inf, (size,), np.float64)
+
+
+def _checked(form: Form) -> Form:
+    """Return `form`. Raises SpecError for one that does not exist."""
+    if form not in ("flat", "dict"):
+        raise SpecError(f'observations is {form!r}: must be "flat" or "dict"')
+    return form
 
 
 def _batched_info(environment: Environment, step: Step) -> dict[str, Any]:

@@ -177,6 +177,28 @@ def test_vector_face(backend_name: str) -> None:
     envs.close()
 
 
+def test_observations_come_by_name_too() -> None:
+    flat, named = (guard_api.gym.GuardEnv(ENV, backend="ideal", observations=form) for form in ("flat", "dict"))
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=".*A Box observation space")
+        check_env(named, skip_render_check=True)
+    array, readings = flat.reset(seed=3)[0], named.reset(seed=3)[0]
+    assert isinstance(readings, dict)
+    np.testing.assert_array_equal(np.concatenate(list(readings.values())), array)
+    assert readings["goal_compass"].shape == (2,)
+    with pytest.raises(SpecError, match="observations is 'tuple'"):
+        guard_api.gym.GuardEnv(ENV, backend="ideal", observations="tuple")
+
+    envs = guard_api.gym.GuardVectorEnv(ENV, num_envs=2, backend="ideal", observations="dict")
+    observation, _ = envs.reset(seed=4)
+    assert observation in envs.observation_space
+    envs.environment.episode_length = 1
+    _, _, _, truncated, info = envs.step(envs.action_space.sample())
+    assert truncated.all()
+    assert info["final_obs"][1] in envs.single_observation_space
+    envs.close()
+
+
 def test_single_face_says_cost_and_refuses_to_step_past_the_end() -> None:
     env = guard_api.gym.SafetyAdapter(guard_api.gym.GuardEnv(ENV, backend="ideal"))
     env.reset(seed=0)
