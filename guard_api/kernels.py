@@ -69,6 +69,44 @@ def frames(
                     rotation[world, f, i, j] = a * turn[f, 0, j] + b * turn[f, 1, j] + c * turn[f, 2, j]
 
 
+@kernel(
+    "float64[:,:,:,:], float64[:,:,:], float64[:,:,:], float64[:,:,:], float64[::1], float64[::1], float64, "
+    "int64[:,::1], float64[:,:,::1]"
+)
+def inertial(
+    rotation: Any,
+    velocity: Any,
+    before: Any,
+    angular: Any,
+    gravity: Any,
+    field: Any,
+    duration: float,
+    sensors: Any,
+    readings: Any,
+) -> None:
+    """Write the `readings` (N, S, 3) of `guard_api.sensors.inertial` in the axes of the links.
+
+    rotation (N, F, 3, 3); velocity, before (N, V, 3) now and a `duration` ago, angular (N, L, 3). sensors (S, 3): which
+    kind, in the order of `inertial.KINDS`, which rotation, and which column of velocity or angular.
+    """
+    for world in range(readings.shape[0]):
+        for k in range(sensors.shape[0]):
+            kind, f, column = sensors[k, 0], sensors[k, 1], sensors[k, 2]
+            for i in range(3):
+                along = 0.0
+                for j in range(3):
+                    if kind == 0:
+                        vector = (velocity[world, column, j] - before[world, column, j]) / duration - gravity[j]
+                    elif kind == 1:
+                        vector = velocity[world, column, j]
+                    elif kind == 2:
+                        vector = angular[world, column, j]
+                    else:
+                        vector = field[j]
+                    along += vector * rotation[world, f, j, i]
+                readings[world, k, i] = along
+
+
 @kernel("float64[:,:,:,:], float64[:,:,:,:], float64[:,:,:,::1]")
 def in_frame(rotation: Any, vectors: Any, local: Any) -> None:
     """Write the world `vectors` (N, F, K, 3) in the axes of frames with `rotation` (N, F, 3, 3) into `local`."""
@@ -90,6 +128,16 @@ def planar_distance(position: Any, points: Any, distance: Any) -> None:
             x = points[world, k, 0] - position[world, 0]
             y = points[world, k, 1] - position[world, 1]
             distance[world, k] = math.sqrt(x * x + y * y)
+
+
+@kernel("float64[:,:], float64[:,:,:], float64, float64[:,::1]")
+def planar_depth(position: Any, centres: Any, size: float, depth: Any) -> None:
+    """Write the `depth` (N, K) of `position` (N, 3) in discs of radius `size` at `centres` (N, K, 3)."""
+    for world in range(centres.shape[0]):
+        for k in range(centres.shape[1]):
+            x = centres[world, k, 0] - position[world, 0]
+            y = centres[world, k, 1] - position[world, 1]
+            depth[world, k] = max(size - math.sqrt(x * x + y * y), 0.0)
 
 
 @kernel("float64[:,:,:], float64[:,:,:], float64[:,:,:], float64[:], float64[:,::1]")

@@ -64,8 +64,13 @@ class Snapshot:
         d is the distance in the plane from the robot's reference to the centre, or with `spatial` the distance in space
         from the robot, so that a thick robot may be deeper than `size`. Source: GUARD's engine.
         """
-        away = self.distance(centres) if spatial else planar_distance(self.position, centres)
-        return np.maximum(size - away, 0.0)
+        fast = kernels.planar_depth()
+        if fast is None or spatial:
+            away = self.distance(centres) if spatial else planar_distance(self.position, centres)
+            return np.maximum(size - away, 0.0)
+        depth = np.empty(centres.shape[:2])
+        fast(self.position, centres, size, depth)
+        return depth
 
     def distance(self, points: Array) -> Array:
         """Return how far `points` (N, K, 3) are from the robot: (N, K) [m].

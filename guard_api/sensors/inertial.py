@@ -6,12 +6,13 @@ reading from the engine's last substep would be a property of its solver rather 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
-from guard_api import rotations
+from guard_api import kernels, rotations
 from guard_api.conventions import GRAVITY, MAGNETIC_FIELD
 from guard_api.model.kinematics import rows_of
 from guard_api.model.robot import RobotModel, Sensor, SensorKind
@@ -22,88 +23,92 @@ from guard_api.shapes import IDENTITY
 _GRAVITY: Final = np.array(GRAVITY)
 _MAGNETIC: Final = np.array(MAGNETIC_FIELD)
 
+KINDS: Final[tuple[SensorKind, ...]] = ("accelerometer", "velocimeter", "gyro", "magnetometer")
+
 
 class InertialSensors:
-    """The inertial sensors of one robot, every kind on all links at once; `read` is pure."""
+    """The inertial sensors of one robot; `read` is pure."""
 
     def __init__(self, robot: RobotModel) -> None:
-        inertial = [sensor for sensor in robot.sensors if sensor.kind in _WORLD_VECTORS]
-        links = list(dict.fromkeys(str(sensor.link) for sensor in inertial))
+        sensors = [sensor for sensor in robot.sensors if sensor.kind in KINDS]
+        links = list(dict.fromkeys(str(sensor.link) for sensor in sensors))
         self._links = rows_of([robot.link_index(link) for link in links])
         self._only_root = robot.reference is None and links == [robot.root]
-        on_link = [[sensor for sensor in inertial if sensor.link == link] for link in links]
-        # World vectors lie in one array (N, links, slots, 3), so that all frames are applied in one product.
-        self._slots = max(map(len, on_link), default=0)
-        place = {sensor.name: (i, slot) for i, on in enumerate(on_link) for slot, sensor in enumerate(on)}
-        self._kinds = [
-            (vectors, _Sites(robot, sensors), [place[sensor.name] for sensor in sensors])
-            for kind, vectors in _WORLD_VECTORS.items()
-            if (sensors := [sensor for sensor in inertial if sensor.kind == kind])
-        ]
-        turns = {s.name: None if s.pose.quaternion == IDENTITY else s.pose.quaternion for s in inertial}
-        self._readings = [(name, *at, turns[name]) for name, at in place.items()]
+        self._names = [sensor.name for sensor in sensors]
+        self._sites = _Sites(robot, sensors)
+        self._sensors = np.array(
+            [(KINDS.index(s.kind), links.index(str(s.link)), self._sites.column(s, k)) for k, s in enumerate(sensors)],
+            np.int64,
+        ).reshape(-1, 3)
+        self._turns = {s.name: s.pose.quaternion for s in sensors if s.pose.quaternion != IDENTITY}
 
     def read(self, t: Transition) -> dict[str, Array]:
         """Return every sensor's reading by name, each (N, 3) in the axes of its site.
 
         accelerometer [m/s^2], (0, 0, 9.81) at rest upright; velocimeter [m/s]; gyro [rad/s]; magnetometer.
         """
-        if not self._readings:
+        if not self._names:
             return {}
         state = t.now.state
         rotation = (
             t.now.rotation[:, None] if self._only_root else rotations.to_matrix(state.link_quaternion[:, self._links])
         )
-        world = np.empty((*rotation.shape[:2], self._slots, 3))  # slots that no sensor has are never read
-        for vectors_of, sites, places in self._kinds:
-            vectors = vectors_of(t, sites)
-            for column, (link, slot) in enumerate(places):
-                world[:, link, slot] = vectors[:, column]
-        local = in_frame(rotation, world)
-        return {
-            name: local[:, link, slot] if turn is None else rotations.unrotate(turn, local[:, link, slot])
-            for name, link, slot, turn in self._readings
-        }
+        velocity, before = self._sites.velocity(state), self._sites.velocity(t.previous.state)
+        local = np.empty((len(rotation), len(self._names), 3))
+        read = kernels.inertial() or _read
+        arrays = (rotation, velocity, before, state.link_angular_velocity)
+        read(*arrays, _GRAVITY, _MAGNETIC, t.duration, self._sensors, local)
+        readings = {name: local[:, k] for k, name in enumerate(self._names)}
+        for name, turn in self._turns.items():
+            readings[name] = rotations.unrotate(turn, readings[name])
+        return readings
 
 
 class _Sites:
-    """The places of all S sensors of one kind."""
+    """The places of S sensors: on the origins of their links, all of them, or anywhere."""
 
     def __init__(self, robot: RobotModel, sensors: Sequence[Sensor]) -> None:
-        self.field = np.tile(_MAGNETIC, (1, len(sensors), 1))
-        self.links = rows_of([robot.link_index(str(sensor.link)) for sensor in sensors])
-        self.offset = np.array([sensor.pose.position for sensor in sensors])
-        self._shifted = bool(self.offset.any())
+        self._links = [robot.link_index(str(sensor.link)) for sensor in sensors]
+        self._offset = np.array([sensor.pose.position for sensor in sensors]).reshape(-1, 3)
+        self._shifted = bool(self._offset.any())
+
+    def column(self, sensor: Sensor, number: int) -> int:
+        """Return where the velocity that a sensor reads is: of its site, or of its link in the arrays of the state."""
+        return number if self._shifted and sensor.kind in {"accelerometer", "velocimeter"} else self._links[number]
 
     def velocity(self, state: State) -> Array:
-        """Return the velocities of the sites, world axes: (N, S, 3) [m/s]."""
-        velocity = state.link_linear_velocity[:, self.links]
+        """Return the velocities of all sites (N, S, 3), or of all links (N, L, 3) where every site is on its link."""
         if not self._shifted:
-            return velocity
-        arm = rotations.rotate(state.link_quaternion[:, self.links], self.offset)
-        return velocity + rotations.cross(state.link_angular_velocity[:, self.links], arm)
+            return state.link_linear_velocity
+        arm = rotations.rotate(state.link_quaternion[:, self._links], self._offset)
+        spin = state.link_angular_velocity[:, self._links]
+        return state.link_linear_velocity[:, self._links] + rotations.cross(spin, arm)
 
 
-def _acceleration(t: Transition, sites: _Sites) -> Array:
-    return (sites.velocity(t.now.state) - sites.velocity(t.previous.state)) / t.duration - _GRAVITY
+def _read(
+    rotation: Array,
+    velocity: Array,
+    before: Array,
+    angular: Array,
+    gravity: Array,
+    field: Array,
+    duration: float,
+    sensors: NDArray[np.int64],
+    readings: Array,
+) -> None:
+    """Write the readings (N, S, 3) in the axes of the links, whose `rotation` is (N, F, 3, 3).
 
-
-def _velocity(t: Transition, sites: _Sites) -> Array:
-    return sites.velocity(t.now.state)
-
-
-def _angular_velocity(t: Transition, sites: _Sites) -> Array:
-    return t.now.state.link_angular_velocity[:, sites.links]  # every point of a rigid link turns alike
-
-
-def _magnetic_field(t: Transition, sites: _Sites) -> Array:
-    del t  # the field is the same everywhere
-    return sites.field
-
-
-_WORLD_VECTORS: Final[dict[SensorKind, Callable[[Transition, _Sites], Array]]] = {
-    "accelerometer": _acceleration,
-    "velocimeter": _velocity,
-    "gyro": _angular_velocity,
-    "magnetometer": _magnetic_field,
-}
+    velocity, before: (N, V, 3) [m/s] now and `duration` [s] ago. angular: (N, L, 3) [rad/s]. sensors: (S, 3) number of
+    the kind, of the rotation, and of the column of velocity or angular.
+    """
+    for k, (kind, frame, column) in enumerate(sensors.tolist()):
+        match KINDS[kind]:
+            case "accelerometer":
+                vector = (velocity[:, column] - before[:, column]) / duration - gravity
+            case "velocimeter":
+                vector = velocity[:, column]
+            case "gyro":
+                vector = angular[:, column]  # every point of a rigid link turns alike
+            case _:
+                vector = np.broadcast_to(field, readings[:, k].shape)  # the same everywhere
+        readings[:, k] = in_frame(rotation[:, frame, None], vector[:, None, None])[:, 0, 0]
