@@ -11,8 +11,8 @@ from guard_api.cli.output import print_json, print_table
 from guard_api.errors import SpecError
 from guard_api.measure.bench import BenchResult, bench
 
-BLOCKS: Final = 101
-"""Blocks of environment steps and of raw steps, taken in turns; odd, so that the median is one of them."""
+BLOCKS: Final = 250
+"""Blocks of environment steps and of raw steps, taken in turns."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -170,9 +170,9 @@ class Bench(Which):
 
     num_worlds: int = 64
     """Worlds stepped together."""
-    blocks: int = 101
+    blocks: int = 250
     """Blocks of environment steps and of raw steps, taken in turns."""
-    block_seconds: float = 0.05
+    block_seconds: float = 0.02
     """About how long a block lasts [s]."""
     workers: int | None = None
     """Threads or processes that step the worlds; chosen by GUARD when left out."""

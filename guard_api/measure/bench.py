@@ -3,8 +3,9 @@
     efficiency = environment steps/s / (raw engine steps/s / substeps)
 
 The raw engine is `World.step_raw`: the same world, with the same actuation law, reading nothing back. Both are timed in
-one process in short blocks that take turns. A shared machine changes its speed by a factor of two within seconds, so
-every block is compared with the raw one right after it, and the efficiency is the median over all turns.
+one process in short blocks that take turns on one course of events. An action is held over a block of each, and costs
+the solver most when it is new; so in every other turn the raw block comes first, and the efficiency of two turns is the
+geometric mean of theirs. The median of those is robust on a shared machine, whose speed changes within seconds.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ class BenchResult:
 
     env_steps_per_second: over all worlds, resets included as often as episodes end. raw_steps_per_second: engine
     timesteps over all worlds; both medians over the blocks. efficiency: see the module; efficiency_quartiles: of the
-    turns, which the median lies between. reset_share: share of the time of whole episodes.
+    pairs of turns, which the median lies between. reset_share: share of the time of whole episodes.
     memory_per_world: growth of the resident memory of this process and its children, per world [bytes]; None where
     the system does not tell. blocks: how often each was timed; block_steps: environment steps in each block.
     spread: (largest - smallest) / median of the blocks' environment times: how unsteady the machine was.
@@ -64,28 +65,28 @@ def bench(
     num_worlds: int = 64,
     workers: int | None = None,
     *,
-    blocks: int = 101,
-    block_seconds: float = 0.05,
+    blocks: int = 250,
+    block_seconds: float = 0.02,
 ) -> BenchResult:
-    """Measure `env` on `backend`, with random actions, in `blocks` pairs of blocks of about `block_seconds`.
+    """Measure `env` on `backend`, with random actions, in `blocks` turns of two blocks of about `block_seconds`.
 
-    Raises SpecError for fewer than one block.
+    Raises SpecError for an odd number of turns, or none.
     """
-    if blocks < 1:
-        raise SpecError(f"blocks is {blocks}: it must be at least 1")
+    if blocks < 2 or blocks % 2:
+        raise SpecError(f"blocks is {blocks}: it must be even, and at least 2")
     before = resident_bytes()
     environment = make_environment(env, backend=backend, num_worlds=num_worlds, workers=workers)
     try:
         steps = _block_steps(environment, block_seconds)
-        actions = np.random.default_rng(0).uniform(-1.0, 1.0, (steps, num_worlds, environment.action_size))
-        env_times, raw_times = _take_turns(environment, actions, blocks)
+        env_times, raw_times = _take_turns(environment, steps, blocks)
         after = resident_bytes()
         reset_time = float(np.median([_timed(lambda e=e: environment.reset(episode=e)) for e in range(RESETS)]))
     finally:
         environment.close()
     stepping_time = environment.episode_length * float(np.median(env_times)) / steps
     reset_share = reset_time / (stepping_time + reset_time)
-    low, median, high = (1.0 - reset_share) * np.percentile(raw_times / env_times, (25.0, 50.0, 75.0))
+    ratios = np.sqrt(np.prod((raw_times / env_times).reshape(-1, 2), axis=1))
+    low, median, high = (1.0 - reset_share) * np.percentile(ratios, (25.0, 50.0, 75.0))
     return BenchResult(
         env=environment.spec.name,
         backend=backend,
@@ -129,31 +130,37 @@ def _read(path: Path) -> str:
 
 
 def _block_steps(env: Environment, seconds: float) -> int:
-    """Return how many steps last about `seconds`, without reaching the end of an episode."""
-    actions = np.random.default_rng(1).uniform(-1.0, 1.0, (WARM_UP_STEPS, env.num_worlds, env.action_size))
-    _step_all(env, actions)
-    per_step = _timed(lambda: _step_all(env, actions)) / WARM_UP_STEPS
-    return max(1, min(int(seconds / per_step), env.episode_length - 1))
+    """Return how many steps last about `seconds`, so few that an episode holds two turns."""
+    actions = _random_actions(env, WARM_UP_STEPS)
+    per_step = _timed(lambda: [env.step(action) for action in actions]) / WARM_UP_STEPS
+    return max(1, min(int(seconds / per_step), (env.episode_length - 3) // 2))
 
 
-def _take_turns(env: Environment, actions: np.ndarray, blocks: int) -> tuple[np.ndarray, np.ndarray]:
+def _take_turns(env: Environment, steps: int, blocks: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the times of `blocks` blocks of environment steps and of as many of raw steps, taken in turns [s]."""
-    env_times, raw_times = np.empty(blocks), np.empty(blocks)
-    for block in range(blocks):
-        env.reset(episode=block)
-        env_times[block] = _timed(lambda: _step_all(env, actions))
-        raw_times[block] = _timed(lambda: _step_raw(env, len(actions)))
-    return env_times, raw_times
+    times = np.empty((2, blocks))
+    actions = _random_actions(env, blocks)
+    per_episode = max(1, (env.episode_length - 1) // (steps + 1))  # an episode that ends would be a reset in a block
+    for turn, action in enumerate(actions):
+        if turn % per_episode == 0:
+            env.reset(episode=turn)
+        env.step(action)  # the raw engine goes on under the last action
+        for kind in (0, 1) if turn % 2 == 0 else (1, 0):
+            times[kind, turn] = _timed(lambda kind=kind, action=action: _block(env, kind, action, steps))
+    return times[0], times[1]
 
 
-def _step_all(env: Environment, actions: np.ndarray) -> None:
-    for action in actions:
-        env.step(action)
+def _random_actions(env: Environment, count: int) -> np.ndarray:
+    return np.random.default_rng(0).uniform(-1.0, 1.0, (count, env.num_worlds, env.action_size))
 
 
-def _step_raw(env: Environment, steps: int) -> None:
+def _block(env: Environment, kind: int, action: np.ndarray, steps: int) -> None:
+    """Take `steps` environment steps (kind 0) or as many of the raw engine (kind 1)."""
     for _ in range(steps):
-        env.world.step_raw(env.substeps)
+        if kind == 0:
+            env.step(action)
+        else:
+            env.world.step_raw(env.substeps)
 
 
 def _timed(action: Callable[[], Any]) -> float:
