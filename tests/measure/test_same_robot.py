@@ -258,7 +258,7 @@ def test_every_measure_has_tables(tmp_path: Path, capsys):
         "targets": [],
         "divergence": ["--worlds", "2", "--seconds", "0.1"],
         "locomotion": ["--seeds", "2", "--seconds", "0.1"],
-        "bench": ["--num-worlds", "1", "--blocks", "1", "--block-seconds", "0.01"],
+        "bench": ["--num-worlds", "1", "--blocks", "2", "--block-seconds", "0.01"],
         "endurance": ["--num-worlds", "1", "--steps", "2"],
     }
     for measure in MEASURES:
