@@ -54,7 +54,8 @@ class Placement:
     locations: (x, y) [m] of the first ones when an episode starts, whatever else is there, instead of a free place.
     radius: (least, most) distance from the world's origin in the plane [m]. distance: the most in space [m].
     heights: (low, high) [m], drawn uniformly; None stands for the body's own height.
-    clearance: least distance in space between the centre and the robot as it stands [m] (see `Snapshot.distance`); 0 asks for nothing.
+    clearance: least distance in space between the centre and the robot as it stands [m] (see `Snapshot.distance`); 0
+    asks for nothing.
     apart: least distance in space between the centre and the robot's reference as it stands [m].
     onto: the group on one of whose bodies, drawn at random, the thing stands instead of on a free place; several stand
     on different ones, and what respawns stands on another one than before.
