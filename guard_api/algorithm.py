@@ -79,10 +79,14 @@ class Algorithm(Protocol):
         ...
 
 
+def deciding_names(config: Any) -> list[str]:
+    """Return the names of the options, of a dataclass or its type, that decide a training's numbers."""
+    return [f.name for f in dataclasses.fields(config) if not CHANGES_NO_NUMBER.keys() <= f.metadata.keys()]
+
+
 def deciding_options(config: Any) -> dict[str, Any]:
     """Return as JSON data the options, of a dataclass `config`, that decide a training's numbers."""
-    fields = [f for f in dataclasses.fields(config) if "changes_no_number" not in f.metadata]
-    return json.loads(json.dumps({f.name: getattr(config, f.name) for f in fields}))
+    return json.loads(json.dumps({name: getattr(config, name) for name in deciding_names(config)}))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

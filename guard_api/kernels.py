@@ -107,19 +107,6 @@ def inertial(
                 readings[world, k, i] = along
 
 
-@kernel("float64[:,:,:,:], float64[:,:,:,:], float64[:,:,:,::1]")
-def in_frame(rotation: Any, vectors: Any, local: Any) -> None:
-    """Write the world `vectors` (N, F, K, 3) in the axes of frames with `rotation` (N, F, 3, 3) into `local`."""
-    for world in range(vectors.shape[0]):
-        for f in range(vectors.shape[1]):
-            for k in range(vectors.shape[2]):
-                x, y, z = vectors[world, f, k, 0], vectors[world, f, k, 1], vectors[world, f, k, 2]
-                for i in range(3):
-                    local[world, f, k, i] = (
-                        x * rotation[world, f, 0, i] + y * rotation[world, f, 1, i] + z * rotation[world, f, 2, i]
-                    )
-
-
 @kernel("float64[:,:], float64[:,:,:], float64[:,::1]")
 def planar_distance(position: Any, points: Any, distance: Any) -> None:
     """Write the `distance` (N, K) in the plane from `position` (N, 3) to `points` (N, K, 3)."""
@@ -128,16 +115,6 @@ def planar_distance(position: Any, points: Any, distance: Any) -> None:
             x = points[world, k, 0] - position[world, 0]
             y = points[world, k, 1] - position[world, 1]
             distance[world, k] = math.sqrt(x * x + y * y)
-
-
-@kernel("float64[:,:], float64[:,:,:], float64, float64[:,::1]")
-def planar_depth(position: Any, centres: Any, size: float, depth: Any) -> None:
-    """Write the `depth` (N, K) of `position` (N, 3) in discs of radius `size` at `centres` (N, K, 3)."""
-    for world in range(centres.shape[0]):
-        for k in range(centres.shape[1]):
-            x = centres[world, k, 0] - position[world, 0]
-            y = centres[world, k, 1] - position[world, 1]
-            depth[world, k] = max(size - math.sqrt(x * x + y * y), 0.0)
 
 
 @kernel("float64[:,:,:], float64[:,:,:], float64[:,:,:], float64[:], float64[:,::1]")

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from guard_algos.config import OnPolicyConfig
-from guard_api.algorithm import TrainingJob, deciding_options
+from guard_api.algorithm import TrainingJob, deciding_names, deciding_options
 from guard_api.errors import GuardError, RunError
 from guard_api.runs.checkpoint import load_checkpoint
 
@@ -102,7 +102,7 @@ def restore(
 
 def read_config(path: Path, state: TrainingState, config_type: type[Config]) -> Config:
     """Return the options that the training was started with. Raises RunError where they do not fit `config_type`."""
-    names = deciding_options(config_type())
+    names = deciding_names(config_type)
     try:
         values: dict[str, Any] = {name: state.job[name] for name in names}
         values["hidden"] = tuple(values["hidden"])  # JSON has no tuples

@@ -12,9 +12,9 @@ import tyro
 from guard_api.cli.options import parse
 from guard_api.cli.output import print_json, print_table
 from guard_api.errors import SpecError
-from guard_api.measure.learning import read_groups
+from guard_api.measure.learning import by_environment, read_groups
 from guard_api.measure.report import write_report
-from guard_api.measure.scores import Scores, by_environment, markdown, notes, read_published, score, table
+from guard_api.measure.scores import Scores, markdown, notes, read_published, score, table
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -145,22 +145,17 @@ def _take_turns(env: Environment, steps: int, blocks: int) -> tuple[np.ndarray, 
         if turn % per_episode == 0:
             env.reset(episode=turn)
         env.step(action)  # the raw engine goes on under the last action
+        held: Sequence[Callable[[], object]] = (
+            lambda action=action: env.step(action),
+            lambda: env.world.step_raw(env.substeps),
+        )
         for kind in (0, 1) if turn % 2 == 0 else (1, 0):
-            times[kind, turn] = _timed(lambda kind=kind, action=action: _block(env, kind, action, steps))
+            times[kind, turn] = _timed(lambda step=held[kind]: [step() for _ in range(steps)])
     return times[0], times[1]
 
 
 def _random_actions(env: Environment, count: int) -> np.ndarray:
     return np.random.default_rng(0).uniform(-1.0, 1.0, (count, env.num_worlds, env.action_size))
-
-
-def _block(env: Environment, kind: int, action: np.ndarray, steps: int) -> None:
-    """Take `steps` environment steps (kind 0) or as many of the raw engine (kind 1)."""
-    for _ in range(steps):
-        if kind == 0:
-            env.step(action)
-        else:
-            env.world.step_raw(env.substeps)
 
 
 def _timed(action: Callable[[], Any]) -> float:

@@ -2,23 +2,31 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from guard_api import plugins
+from guard_api.algorithm import deciding_names
 from guard_api.errors import PluginError, RunError, SpecError
 from guard_api.measure.statistics import Bootstrap, Estimate
 from guard_api.runs.atomic import read_json
 from guard_api.runs.directory import FORMAT
 from guard_api.runs.progress import read_rows
+
+
+class _HasEnvironment(Protocol):
+    @property
+    def env(self) -> str: ...
+
+
+_OfEnvironment = TypeVar("_OfEnvironment", bound=_HasEnvironment)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,6 +109,14 @@ def read_groups(folders: Sequence[Path]) -> list[Group]:
     return sorted(groups, key=lambda group: (group.env, group.label, group.backend))
 
 
+def by_environment(members: Sequence[_OfEnvironment]) -> dict[str, list[_OfEnvironment]]:
+    """Return the members, anything with an `env`, of each environment."""
+    result: dict[str, list[_OfEnvironment]] = {}
+    for one in members:
+        result.setdefault(one.env, []).append(one)
+    return result
+
+
 def _runs(folder: Path) -> Iterable[Run]:
     if not folder.is_dir():
         raise RunError(f"{folder}: no such folder: name run directories, or folders of them")
@@ -129,8 +145,7 @@ def _options(run: Run) -> dict[str, Any]:
         config_type = plugins.load("guard.algorithms", str(run.manifest["algorithm"])).config_type
     except (PluginError, SpecError):
         return run.config
-    idle = {f.name for f in dataclasses.fields(config_type) if "changes_no_number" in f.metadata}
-    return {name: value for name, value in run.config.items() if name not in idle}
+    return {name: run.config[name] for name in deciding_names(config_type) if name in run.config}
 
 
 def _by_seed(members: list[Run]) -> tuple[Run, ...]:

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 import guard_api
 from guard_api.measure.figures import MUTED, PALETTE, heading, new_figure, plain, png
-from guard_api.measure.learning import Group
-from guard_api.measure.scores import by_environment, notes, score, table
+from guard_api.measure.learning import Group, by_environment
+from guard_api.measure.scores import notes, score, table
 from guard_api.measure.statistics import CONFIDENCE, MIN_SEEDS, Bootstrap
 from guard_api.measure.tables import table as html_table
 from guard_api.runs.atomic import write_bytes, write_text
@@ -82,7 +82,7 @@ def draw_curves(groups: Sequence[Group]) -> Figure:
 
 def write_curves(groups: Sequence[Group], out: Path) -> list[Path]:
     """Write `curves_{env}.png` of every environment and `curves.html` with all of them to the folder `out`."""
-    figures = {env: png(draw_curves(members)) for env, members in _by_environment(groups).items()}
+    figures = {env: png(draw_curves(members)) for env, members in by_environment(groups).items()}
     files = []
     for env, data in figures.items():
         files.append(out / f"curves_{env}.png")
@@ -129,13 +129,6 @@ def _draw(ax: Axes, group: Group, column: str, factor: float, index: int) -> Non
         ax.plot(drawn.steps, factor * group.values(column).T, color=colour, linewidth=0.6, alpha=0.4)
     label = f"{group.label}, {group.backend} ({len(group.runs)})"
     ax.plot(drawn.steps, factor * drawn.mean, style, color=colour, linewidth=1.3, label=label)
-
-
-def _by_environment(groups: Sequence[Group]) -> dict[str, list[Group]]:
-    result: dict[str, list[Group]] = {}
-    for group in groups:
-        result.setdefault(group.env, []).append(group)
-    return result
 
 
 def _settings(group: Group) -> str:

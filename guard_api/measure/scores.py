@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from guard_api.errors import RunError
-from guard_api.measure.learning import Group
+from guard_api.measure.learning import Group, by_environment
 from guard_api.measure.statistics import ADVISED_SEEDS, MIN_SEEDS, Estimate
 
 COLUMNS: Final = {"J_r": "return_mean", "M_c": "cost_mean", "rho_c": "cost_rate"}
@@ -88,14 +88,6 @@ def markdown(scores: Sequence[Scores]) -> str:
         head, *rows = table(members)
         lines += [f"**{env}**", "", _line(head), _line(["---"] * len(head)), *map(_line, rows), ""]
     return "\n".join([*lines, *(f"* {note}" for note in notes(scores))]) + "\n"
-
-
-def by_environment(scores: Sequence[Scores]) -> dict[str, list[Scores]]:
-    """Return the scores of each environment."""
-    result: dict[str, list[Scores]] = {}
-    for one in scores:
-        result.setdefault(one.env, []).append(one)
-    return result
 
 
 def notes(scores: Sequence[Scores]) -> list[str]:

@@ -64,13 +64,8 @@ class Snapshot:
         d is the distance in the plane from the robot's reference to the centre, or with `spatial` the distance in space
         from the robot, so that a thick robot may be deeper than `size`. Source: GUARD's engine.
         """
-        fast = kernels.planar_depth()
-        if fast is None or spatial:
-            away = self.distance(centres) if spatial else planar_distance(self.position, centres)
-            return np.maximum(size - away, 0.0)
-        depth = np.empty(centres.shape[:2])
-        fast(self.position, centres, size, depth)
-        return depth
+        away = self.distance(centres) if spatial else planar_distance(self.position, centres)
+        return np.maximum(size - away, 0.0)
 
     def distance(self, points: Array) -> Array:
         """Return how far `points` (N, K, 3) are from the robot: (N, K) [m].
@@ -175,13 +170,8 @@ class _FrameReader:
 
 def in_frame(rotation: Array, vectors: Array) -> Array:
     """Return world vectors (N, F, K, 3) in the axes of frames with `rotation` (N, F, 3, 3): (N, F, K, 3)."""
-    fast = kernels.in_frame()
-    if fast is None:
-        # A stacked product is one small product per frame, so a world's bits do not depend on N.
-        return vectors @ rotation
-    local = np.empty(vectors.shape)
-    fast(rotation, vectors, local)
-    return local
+    # A stacked product is one small product per frame, so a world's bits do not depend on N.
+    return vectors @ rotation
 
 
 def planar_distance(position: Array, points: Array) -> Array:
