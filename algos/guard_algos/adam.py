@@ -23,10 +23,15 @@ class Adam:
         """Return the live state: the moments (P,) and the number of steps (1,)."""
         return {"mean": self._mean, "square": self._square, "count": self._count}
 
+    @property
+    def count(self) -> int:
+        """Number of steps taken so far."""
+        return int(self._count)
+
     def step(self, gradient: Tensor) -> None:
         """Move the parameters against `gradient` (P,)."""
         self._count += 1
-        count = int(self._count)
+        count = self.count
         self._mean.lerp_(gradient, 1 - self._momentum)
         self._square.mul_(_BETA_2).addcmul_(gradient, gradient, value=1 - _BETA_2)
         scale = (self._square / (1 - _BETA_2**count)).sqrt_().add_(_EPSILON)

@@ -9,11 +9,12 @@ from torch import Tensor
 
 from guard_algos.adam import Adam
 from guard_algos.finite import finite
+from guard_algos.minibatches import minibatches
 from guard_algos.networks import Mlp, accumulate, pieces
 
 
 class Critic:
-    """A network V(s) fitted by full-batch Adam to the mean squared error; its optimiser's state lasts over epochs."""
+    """A network V(s) fitted by Adam to the mean squared error; its optimiser's state lasts over epochs."""
 
     def __init__(self, network: Mlp, generator: torch.Generator, learning_rate: float) -> None:
         self._network = network
@@ -28,14 +29,16 @@ class Critic:
         """Return V (M,) at observations (M, O)."""
         return self._network.outputs(self._parameters, observation, pool)[:, 0]
 
-    def fit(self, observation: Tensor, target: Tensor, iterations: int, pool: Executor) -> tuple[float, float]:
-        """Take Adam steps towards `target` (M,) at observations (M, O); return the loss before and after.
+    def fit(
+        self, observation: Tensor, target: Tensor, iterations: int, batch_size: int, pool: Executor
+    ) -> tuple[float, float]:
+        """Take Adam steps towards `target` (M,) at observations (M, O); return the loss of all rows before and after.
 
-        Raises NotFiniteError for a loss that is not finite.
+        Each step looks at `batch_size` rows. Raises NotFiniteError for a loss that is not finite.
         """
         before = self._loss(observation, target, pool)
-        for _ in range(iterations):
-            self._adam.step(self._gradient(observation, target, pool))
+        for rows in minibatches(len(target), batch_size, iterations, seed=self._adam.count):
+            self._adam.step(self._gradient(observation[rows], target[rows], pool))
         after = self._loss(observation, target, pool)
         return float(before), float(finite(after, "loss of a critic"))
 

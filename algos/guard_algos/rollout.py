@@ -68,7 +68,7 @@ def collect(
     diverged = 0
     now, costs = env.reset(episode=episode), np.zeros((env.num_worlds, len(env.cost_names)))
     for t in range(num_steps):
-        rollout.observation[t] = finite(torch.from_numpy(now).float(), "observation")
+        rollout.observation[t] = torch.from_numpy(now)
         rollout.action[t] = act(rollout.observation[t], noise[t])
         rollout.executed[t] = correct(rollout.observation[t], torch.from_numpy(costs), rollout.action[t])
         step = env.step(rollout.executed[t].double().numpy())
@@ -81,6 +81,7 @@ def collect(
         if cut.any():
             last.append(t * env.num_worlds + np.flatnonzero(cut))
             last_observation.append(step.final_observation[cut])
+    finite(rollout.observation, "observation")
     finite(torch.from_numpy(rollout.reward), "reward")
     finite(torch.from_numpy(rollout.costs), "cost")
     return replace(

@@ -35,6 +35,7 @@ from guard_algos.adam import Adam
 from guard_algos.batch import Batch
 from guard_algos.finite import finite
 from guard_algos.gaussian import GaussianPolicy
+from guard_algos.minibatches import minibatches
 from guard_algos.networks import Mlp, accumulate, pieces
 from guard_algos.on_policy import Method, OnPolicyAlgorithm, Problem
 from guard_algos.rollout import Correct, Rollout
@@ -67,15 +68,21 @@ class CostModel:
         return output[:, :-1], output[:, -1]
 
     def fit(
-        self, observation: Tensor, action: Tensor, change: Tensor, weight: Tensor, iterations: int, pool: Executor
+        self,
+        observation: Tensor,
+        action: Tensor,
+        change: Tensor,
+        weight: Tensor,
+        iterations: int,
+        batch_size: int,
+        pool: Executor,
     ) -> tuple[float, float]:
-        """Take Adam steps on sum(weight (b(s) + g(s) . a - change)^2); return its value before and after.
+        """Take Adam steps on sum(weight (b(s) + g(s) . a - change)^2); return its value for all rows before and after.
 
-        action: (M, A) executed. change: (M,) c(s') - c(s). weight: (M,), of sum 1. Raises NotFiniteError for a loss
-        that is not finite.
+        action: (M, A) executed. change: (M,) c(s') - c(s). weight: (M,), of sum 1. Each step looks at `batch_size`
+        rows. Raises NotFiniteError for a loss that is not finite.
         """
         factors = torch.cat([action, torch.ones(len(action), 1)], dim=1)  # of the network's outputs, g and b
-        columns = [pieces(column) for column in (observation, factors, change, weight)]
 
         def add(rows: Tensor, a: Tensor, goal: Tensor, w: Tensor, out: Tensor) -> None:
             activations = self._network.activations(self._parameters, rows)
@@ -87,7 +94,8 @@ class CostModel:
             return float(finite((weight * error.square()).double().sum(), "loss of a cost model"))
 
         before = loss()
-        for _ in range(iterations):
+        for rows in minibatches(len(change), batch_size, iterations, seed=self._adam.count):
+            columns = [pieces(column[rows]) for column in (observation, factors, change, weight)]
             self._adam.step(accumulate(pool, self._parameters, add, *columns))
         return before, loss()
 
@@ -141,6 +149,7 @@ class TrpoSl(Method):
                 after[:, k] - before[:, k],
                 balanced(after[:, k] > 0),
                 self._config.value_iterations,
+                self._config.value_batch_size,
                 pool,
             )
             row |= {f"shield_{signal.name}_loss_before": losses[0], f"shield_{signal.name}_loss_after": losses[1]}

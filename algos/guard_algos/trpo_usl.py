@@ -83,14 +83,15 @@ class TrpoUsl(Method):
 
     def improve(self, policy: GaussianPolicy, theta: Tensor, batch: Batch, pool: Executor) -> dict[str, float]:
         """Raise the surrogate return, then fit the critics of the costs."""
+        config = self._config
         pairs = torch.cat([batch.observation, shield.clipped(batch.rollout.executed.flatten(0, 1))], dim=-1)
         value = self._predict(pairs, pool)
         targets = self._targets(policy, theta, batch, value, pool)
         row = shield.row(batch, self._warmup.over, (value > self._limits).any(-1))
         objective = trust_region.surrogate(batch.reward_advantage, batch.log_prob)
-        row |= trust_region.update(policy, theta, batch, self._config, pool, objective=objective).row()
+        row |= trust_region.update(policy, theta, batch, config, pool, objective=objective).row()
         for signal, critic, target in zip(self._signals, self._critics, targets.T.contiguous(), strict=True):
-            before, after = critic.fit(pairs, target, self._config.value_iterations, pool)
+            before, after = critic.fit(pairs, target, config.value_iterations, config.value_batch_size, pool)
             row |= {f"shield_{signal.name}_loss_before": before, f"shield_{signal.name}_loss_after": after}
         self._warmup.advance(len(pairs))
         return row

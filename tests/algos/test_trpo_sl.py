@@ -108,7 +108,7 @@ def test_the_cost_model_is_fitted_as_automatic_differentiation_fits_it_and_repor
         loss.backward()
         optimiser.step()
     with workers(2) as pool:
-        before, after = model.fit(x, action, change, weight, 20, pool)
+        before, after = model.fit(x, action, change, weight, 20, len(x), pool)
     assert before == pytest.approx(losses[0], rel=1e-5)
     assert after == pytest.approx(losses[20], rel=1e-3)
     assert after < before
@@ -144,7 +144,7 @@ def test_the_model_learns_what_an_action_costs_beyond_the_line_and_nothing_far_f
     x, a, change = (torch.from_numpy(column).float() for column in (place, action, after - before))
     model = CostModel(Mlp((2, 16, 3)), generator(), 0.01)
     with workers(1) as pool:
-        model.fit(x, a, change, balanced(torch.from_numpy(after > 0)), 400, pool)
+        model.fit(x, a, change, balanced(torch.from_numpy(after > 0)), 400, len(x), pool)
     slope, drift = model.change(torch.tensor([[1.2, 0.5], [1.7, -0.6], [-0.5, 0.3], [0.0, -0.8]]))
     torch.testing.assert_close(slope, torch.tensor([[PACE, 0.0]] * 2 + [[0.0, 0.0]] * 2), atol=0.05, rtol=0)
     torch.testing.assert_close(drift, torch.zeros(4), atol=0.05, rtol=0)
@@ -159,7 +159,7 @@ def test_a_drift_that_actions_go_along_with_is_not_taken_for_their_effect() -> N
     x, a = torch.from_numpy(velocity[:, None]).float(), torch.from_numpy(action[:, None]).float()
     model = CostModel(Mlp((1, 16, 2)), generator(), 0.01)
     with workers(1) as pool:
-        model.fit(x, a, torch.from_numpy(after - 1.0).float(), torch.full((4000,), 1 / 4000), 600, pool)
+        model.fit(x, a, torch.from_numpy(after - 1.0).float(), torch.full((4000,), 1 / 4000), 600, len(x), pool)
     slope, drift = model.change(torch.tensor([[-0.7], [0.0], [0.7]]))
     torch.testing.assert_close(slope, torch.zeros(3, 1), atol=0.02, rtol=0)
     torch.testing.assert_close(drift, torch.tensor([-0.07, 0.0, 0.07]), atol=0.02, rtol=0)

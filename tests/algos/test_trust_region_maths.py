@@ -190,7 +190,7 @@ def test_critic_fits_as_automatic_differentiation_does_and_reports_its_losses() 
         loss.backward()
         optimiser.step()
     with workers(2) as pool:
-        before, after = critic.fit(x, target, 30, pool)
+        before, after = critic.fit(x, target, 30, len(x), pool)
         values = critic.predict(x, pool)
     assert before == pytest.approx(losses[0], rel=1e-5)
     assert after == pytest.approx(losses[30], rel=1e-4)
