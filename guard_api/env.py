@@ -57,7 +57,7 @@ class Step:
 
 
 class Environment:
-    """N worlds of one specification on one backend.
+    """N worlds of one specification on one backend; a step takes `duration` [s] of simulated time.
 
     Raises SpecError or BackendError from the constructor when the two do not fit.
     """
@@ -77,11 +77,13 @@ class Environment:
             preset=spec.preset,
         )
         self.substeps = self.robot.substeps
+        self.duration = self.substeps * self.robot.timestep
         self.episode_length = spec.episode_length
         self.cost_names = tuple(constraint.name for constraint in spec.constraints)
         self.action_size = len(self.robot.actuators)
         self._starter = EpisodeStarter(self.scene, self._groups, spec.extents, num_worlds, spec.robot_placement)
-        self._sensors = (InertialSensors(self.robot), Proprioception(self.robot))
+        sensors = (InertialSensors(self.robot), Proprioception(self.robot))
+        self._sensors = tuple(kind for kind in sensors if kind.any)
         self._reader = SnapshotReader(self.robot)
         self._slices = {group.name: self.scene.body_slice(group.name) for group in self.scene.groups}
         self.world = build_world(plugins.load("guard.backends", backend), self.scene, num_worlds, workers)
@@ -95,11 +97,6 @@ class Environment:
         self._now = self._begin(self._everywhere)
         self.observation_layout = self._layout()
         self.observation_size = sum(part.stop - part.start for part in self.observation_layout.values())
-
-    @property
-    def duration(self) -> float:
-        """Simulated time of one environment step [s]."""
-        return self.substeps * self.robot.timestep
 
     @property
     def groups(self) -> tuple[BodyGroup, ...]:

@@ -235,11 +235,9 @@ class _Training:
         return self._policy.act(self._theta, observation, noise)
 
     def _fit_critics(self, batch: Batch) -> dict[str, float]:
-        row, config = {}, self._config
+        row, steps, size = {}, self._config.value_iterations, self._config.value_batch_size
         for (name, critic), target in zip(self._critics.items(), batch.targets.T.contiguous(), strict=True):
-            before, after = critic.fit(
-                batch.observation, target, config.value_iterations, config.value_batch_size, self._pool
-            )
+            before, after = critic.fit(batch.observation, target, steps, size, self._pool)
             row |= {f"{name}_loss_before": before, f"{name}_loss_after": after}
         return row
 

@@ -127,7 +127,7 @@ class SnapshotReader:
         """Return the snapshot of `state`; `rest` are the fields that are not the robot's."""
         position, rotation = self._reference.read(state)
         sensing = (position, rotation) if self._sensing is None else self._sensing.read(state)
-        ends = np.empty((len(position), 0, 3)) if self._ends is None else self._ends.read(state)[0]
+        ends = position[:, :0] if self._ends is None else self._ends.read(state)[0]
         velocity = state.link_linear_velocity[:, self._link]
         if self._offset is not None:
             arm = rotations.rotate(state.link_quaternion[:, self._link], self._offset)

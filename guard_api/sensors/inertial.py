@@ -42,13 +42,16 @@ class InertialSensors:
         ).reshape(-1, 3)
         self._turns = {s.name: s.pose.quaternion for s in sensors if s.pose.quaternion != IDENTITY}
 
+    @property
+    def any(self) -> bool:
+        """Whether the robot has such sensors."""
+        return bool(self._names)
+
     def read(self, t: Transition) -> dict[str, Array]:
         """Return every sensor's reading by name, each (N, 3) in the axes of its site.
 
         accelerometer [m/s^2], (0, 0, 9.81) at rest upright; velocimeter [m/s]; gyro [rad/s]; magnetometer.
         """
-        if not self._names:
-            return {}
         state = t.now.state
         rotation = (
             t.now.rotation[:, None] if self._only_root else rotations.to_matrix(state.link_quaternion[:, self._links])

@@ -28,6 +28,11 @@ class Proprioception:
         self._rotation = _links(robot, _of_kind(robot, "relative_rotation"))
         self._spin = _links(robot, _of_kind(robot, "relative_angular_velocity"))
 
+    @property
+    def any(self) -> bool:
+        """Whether the robot has such sensors."""
+        return any((self._turning, self._sliding, self._velocity, self._touch, self._rotation, self._spin))
+
     def read(self, t: Transition) -> dict[str, Array]:
         """Return every sensor's reading by name; the class says of what shape."""
         state = t.now.state

@@ -205,8 +205,8 @@ class MuJoCoWorld:
         """Return which of the worlds just stepped raised an error or a warning, or hold numbers that are not sound."""
         batch = self._batch
         # Nearly always nothing is wrong, and what all worlds have together says so. Without a warning accelerations
-        # were finite, so the numbers are when the velocities are; NaN is not slow.
-        slow = np.abs(self._qvel).max(initial=0.0) <= DIVERGED_SPEED
+        # were finite, so the numbers are when the velocities are; no sum with NaN is small.
+        slow = np.vdot(self._qvel, self._qvel) <= DIVERGED_SPEED**2
         if slow and self._ok.all() and not np.count_nonzero(batch.warning):
             return np.empty(0, np.intp)
         stepped = np.zeros(self.num_worlds, bool)
