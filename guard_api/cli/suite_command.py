@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +14,10 @@ from guard_api.cli.interrupt import stop_request
 from guard_api.cli.options import parse
 from guard_api.cli.output import print_json, print_table
 from guard_api.errors import SpecError
+from guard_api.measure.diagnosis import Finding
 from guard_api.measure.grid import parse_options, read_grid
 from guard_api.measure.pool import train_all
-from guard_api.measure.training import Training, is_trained
+from guard_api.measure.training import Training, findings, is_trained
 from guard_api.runs.progress import read_rows
 
 
@@ -74,7 +76,10 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _train(trainings: Sequence[Training], options: Options, failures: dict[Path, str]) -> bool:
-    """Train what is missing; return whether the user stopped it. failures: run -> reason, filled in."""
+    """Train what is missing, saying what goes wrong; return whether the user stopped it.
+
+    failures: run -> reason, filled in.
+    """
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[now]}"))
     with stop_request() as stop, Progress(*columns, TimeElapsedColumn(), disable=options.json) as progress:
         bar = progress.add_task("trainings", total=len(trainings), now="")
@@ -88,14 +93,21 @@ def _train(trainings: Sequence[Training], options: Options, failures: dict[Path,
             now += f"return {row['return_mean']:.1f}, cost {row['cost_mean']:.1f}"
             progress.update(bar, completed=len(finished), now=now)
 
+        def say(line: str) -> None:
+            if options.json:  # the output is JSON
+                print(line, file=sys.stderr)
+            else:
+                progress.console.print(line, markup=False)
+
+        def warned(training: Training, finding: Finding) -> None:
+            say(f"{training.path.name} warning: {finding}")
+
         def failed(training: Training, error: Exception) -> None:
             failures[training.path] = f"{error}" or type(error).__name__
-            if not options.json:
-                progress.console.print(f"{training.path.name} failed: {failures[training.path]}", markup=False)
+            say(f"{training.path.name} failed: {failures[training.path]}")
 
-        return (
-            not train_all(trainings, report, stop, jobs=options.jobs, workers=options.workers, failed=failed) and stop()
-        )
+        size = {"jobs": options.jobs, "workers": options.workers}
+        return not train_all(trainings, report, stop, **size, warned=warned, failed=failed) and stop()
 
 
 def _print(trainings: Sequence[Training], failures: Mapping[Path, str], options: Options) -> None:
@@ -103,8 +115,11 @@ def _print(trainings: Sequence[Training], failures: Mapping[Path, str], options:
     if options.json:
         print_json({"out": str(options.out), "runs": rows})
         return
-    print_table(str(options.out), ("run", "state", "steps", "return", "cost"), [list(row.values())[:5] for row in rows])
-    for row in rows:
+    columns = ("run", "state", "steps", "return", "cost")
+    print_table(str(options.out), columns, [[row[column] for column in columns] for row in rows])
+    for training, row in zip(trainings, rows, strict=True):
+        for finding in findings(training):
+            print(f"warning: {row['run']}: {finding}")
         if row["error"]:
             print(f"failed: {row['run']}: {row['error']}")
 
@@ -123,5 +138,6 @@ def _state(training: Training, failures: Mapping[Path, str]) -> dict[str, Any]:
         "steps": int(steps) if rows else 0,
         "return": gained,
         "cost": cost,
+        "warnings": [asdict(finding) for finding in findings(training)],
         "error": error,
     }

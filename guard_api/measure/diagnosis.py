@@ -10,10 +10,13 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
+
+from guard_api.errors import RunError
 
 NARROW: Final = 0.05
 """Standard deviation of an action below which a policy hardly explores: 95 % of its actions lie within a tenth of the
@@ -86,6 +89,16 @@ def cost_limits(config: Any) -> dict[str, float]:
 def to_jsonl(findings: Sequence[Finding]) -> str:
     """Return one JSON object per line."""
     return "".join(json.dumps(asdict(finding)) + "\n" for finding in findings)
+
+
+def from_jsonl(file: Path) -> list[Finding]:
+    """Return the findings in a file that `to_jsonl` wrote. Raises RunError for any other file."""
+    try:
+        return [Finding(**json.loads(line)) for line in file.read_text(encoding="utf-8").splitlines()]
+    except (OSError, ValueError, TypeError) as error:
+        raise RunError(
+            f"{file}: holds no findings of a diagnosis ({error}): delete it, training writes it anew"
+        ) from error
 
 
 def _entropy_collapse(rows: Rows, action_size: int) -> Iterator[Finding]:

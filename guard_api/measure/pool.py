@@ -10,14 +10,19 @@ import signal
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from functools import partial
 from typing import Any, Final, TypeAlias
 
 from guard_api.errors import RunError
+from guard_api.measure.diagnosis import Finding
 from guard_api.measure.training import Training, is_trained, train
 from guard_api.physics.build import usable_cores
 
 Report: TypeAlias = Callable[[Training, Mapping[str, float]], None]
 """Called with a training and its metrics row after every epoch."""
+
+Warned: TypeAlias = Callable[[Training, Finding], None]
+"""Called with a training and what begins to go wrong in it."""
 
 Failed: TypeAlias = Callable[[Training, Exception], None]
 """Called with a training that ended in an error, and the error."""
@@ -33,18 +38,20 @@ def train_all(
     *,
     jobs: int = 1,
     workers: int | None = None,
+    warned: Warned = lambda training, finding: None,
     failed: Failed | None = None,
 ) -> bool:
     """Train what is not finished, `jobs` at a time; return whether all are finished.
 
     With more than one job every training has a process of its own, so that whatever happens to it ends it alone.
+    warned: learns of what goes wrong in a training (`diagnosis`), once when it begins.
     failed: learns of a training that fails, while the others go on; without it the first failure lets the others leave
     a checkpoint, and is raised.
     """
     missing = [training for training in trainings if not is_trained(training)]
     if jobs > 1 and len(missing) > 1:
-        return _Pool(report, should_stop, failed, min(jobs, len(missing)), workers).train(missing)
-    return _train_in_turn(missing, report, should_stop, workers, failed)
+        return _Pool(report, should_stop, warned, failed, min(jobs, len(missing)), workers).train(missing)
+    return _train_in_turn(missing, report, should_stop, workers, warned, failed)
 
 
 def _train_in_turn(
@@ -52,12 +59,14 @@ def _train_in_turn(
     report: Report,
     should_stop: Callable[[], bool],
     workers: int | None,
+    warned: Warned,
     failed: Failed | None,
 ) -> bool:
     finished = True
     for training in missing:
         try:
-            if not train(training, lambda row, t=training: report(t, row), should_stop, workers):
+            hear, listen = partial(report, training), partial(warned, training)
+            if not train(training, hear, should_stop, workers, listen):
                 return False
         except Exception as error:
             if failed is None:
@@ -73,14 +82,20 @@ class _Pool:
     """Threads that each look after one training process at a time; all they learn reaches the caller's thread."""
 
     def __init__(
-        self, report: Report, should_stop: Callable[[], bool], failed: Failed | None, jobs: int, workers: int | None
+        self,
+        report: Report,
+        should_stop: Callable[[], bool],
+        warned: Warned,
+        failed: Failed | None,
+        jobs: int,
+        workers: int | None,
     ) -> None:
-        self._report, self._should_stop, self._failed = report, should_stop, failed
+        self._report, self._should_stop, self._warned, self._failed = report, should_stop, warned, failed
         self._jobs, self._threads = jobs, max(1, usable_cores() // jobs)
         self._workers = workers or self._threads
         self._context = multiprocessing.get_context("spawn")
         self._stop = self._context.Event()
-        self._rows: queue.SimpleQueue[tuple[Training, Mapping[str, float]]] = queue.SimpleQueue()
+        self._news: queue.SimpleQueue[tuple[Training, Finding | Mapping[str, float]]] = queue.SimpleQueue()
 
     def train(self, missing: Sequence[Training]) -> bool:
         """Train them; return whether all are finished."""
@@ -116,19 +131,23 @@ class _Pool:
     def _pass_on(self) -> None:
         with contextlib.suppress(queue.Empty):
             while True:
-                self._report(*self._rows.get_nowait())
+                training, news = self._news.get_nowait()
+                if isinstance(news, Finding):
+                    self._warned(training, news)
+                else:
+                    self._report(training, news)
 
     def _train_in_process(self, training: Training) -> bool:
-        """Train in a new process and forward its rows. Raises RunError when the process dies."""
+        """Train in a new process and forward its news. Raises RunError when the process dies."""
         if self._stop.is_set():
             return False
-        rows = self._context.Queue()
-        arguments = (self._stop, rows)
+        news = self._context.Queue()
+        arguments = (self._stop, news)
         with ProcessPoolExecutor(1, self._context, initializer=_begin_process, initargs=arguments) as process:
             future = process.submit(_train_here, training, self._workers)
             while True:
                 try:
-                    self._rows.put((training, rows.get(timeout=_POLL)))
+                    self._news.put((training, news.get(timeout=_POLL)))
                 except queue.Empty:
                     if future.done():
                         break
@@ -141,16 +160,17 @@ class _Pool:
 
 
 _process: dict[str, Any] = {}
-"""In a training process: the parent's stop event and the queue of rows."""
+"""In a training process: the parent's stop event and the queue of metrics rows and findings."""
 
 
-def _begin_process(stop: Any, rows: Any) -> None:
+def _begin_process(stop: Any, news: Any) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal sends Ctrl-C to all; the parent decides
-    _process.update(stop=stop, rows=rows)
+    _process.update(stop=stop, news=news)
 
 
 def _train_here(training: Training, workers: int) -> bool:
-    return train(training, _process["rows"].put, _process["stop"].is_set, workers)
+    tell = _process["news"].put
+    return train(training, tell, _process["stop"].is_set, workers, tell)
 
 
 @contextlib.contextmanager

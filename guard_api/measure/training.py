@@ -13,7 +13,7 @@ from guard_api import plugins
 from guard_api.algorithm import TrainingJob, deciding_options
 from guard_api.env import make_environment
 from guard_api.errors import RunError
-from guard_api.measure.diagnosis import Finding, cost_limits, diagnose, to_jsonl
+from guard_api.measure.diagnosis import Finding, cost_limits, diagnose, from_jsonl, to_jsonl
 from guard_api.runs.atomic import read_json, write_json, write_text
 from guard_api.runs.directory import RunDirectory
 from guard_api.runs.manifest import build_manifest
@@ -56,6 +56,12 @@ def is_trained(training: Training) -> bool:
     # Before the steps were written down, only transfer experiments left this file, whose steps never change.
     steps = read_json(file, "delete it to check the run again").get("total_steps", training.total_steps)
     return steps >= training.total_steps
+
+
+def findings(training: Training) -> list[Finding]:
+    """Return what `diagnosis.jsonl` says of its run directory: what went wrong so far, by epoch."""
+    file = training.path / DIAGNOSIS
+    return from_jsonl(file) if file.exists() else []
 
 
 def train(

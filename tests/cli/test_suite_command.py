@@ -12,8 +12,24 @@ from guard_api.errors import SpecError
 from guard_api.measure.grid import Grid, parse_options, read_grid
 
 ENV = "Goal_Point_8Hazards"
-TINY = ["steps_per_epoch=1000", "value_iterations=1", "cg_iterations=2", "threads=1"]
-SUITE = ["suite", "--envs", ENV, "--backends", "ideal", "--total-steps", "1000", "--num-worlds", "1", "--json"]
+TINY = ["steps_per_epoch=20", "value_iterations=1", "cg_iterations=2", "threads=1"]
+SHORT = """
+robot = "point"
+episode_length = 20
+[task]
+type = "Goal"
+[[constraints]]
+type = "Hazards"
+count = 8
+"""
+
+
+@pytest.fixture
+def suite(tmp_path: Path) -> list[str]:
+    """Arguments for a grid of trainings of 20 steps, which lie in `tmp_path`."""
+    (tmp_path / "short.toml").write_text(SHORT)
+    size = ["--backends", "ideal", "--total-steps", "20", "--num-worlds", "1"]
+    return ["suite", "--envs", str(tmp_path / "short.toml"), *size, "--json", "--out", str(tmp_path)]
 
 
 def test_a_grid_is_every_combination_and_seeds_come_last(tmp_path: Path) -> None:
@@ -63,31 +79,51 @@ def test_a_grid_that_means_nothing_is_refused_with_its_key(tmp_path: Path, text:
 
 
 def test_one_failure_stops_nothing_and_is_named_with_a_non_zero_exit(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, suite: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    arguments = [*SUITE, "--out", str(tmp_path), "--options", *TINY]
-    adopted = ["train", "--env", ENV, "--backend", "ideal", "--num-worlds", "1", "--total-steps", "1000", "--json",
-               "--out", str(tmp_path / f"{ENV}_trpo_ideal_seed0")]  # fmt: skip
+    arguments = [*suite, "--options", *TINY]
+    adopted = ["train", "--env", suite[2], "--backend", "ideal", "--num-worlds", "1", "--total-steps", "20", "--json",
+               "--out", str(tmp_path / "short_trpo_ideal_seed0")]  # fmt: skip
     for option in TINY:
         name, value = option.split("=")
         adopted += [f"--{name.replace('_', '-')}", value]
     assert run(adopted) == 0
-    log = tmp_path / f"{ENV}_trpo_ideal_seed0" / "progress.csv"
+    log = tmp_path / "short_trpo_ideal_seed0" / "progress.csv"
     before = log.stat().st_mtime_ns
     capsys.readouterr()
     assert run([*arguments, "--algos", "trpo-ipo", "trpo"]) == 1  # a limit of 0 has no inside
     runs = {row["run"]: row for row in json.loads(capsys.readouterr().out)["runs"]}
-    states = {name.split("_")[3]: row["state"] for name, row in runs.items()}
+    states = {name.split("_")[1]: row["state"] for name, row in runs.items()}
     assert states == {"trpo-ipo": "failed", "trpo": "finished"}
-    assert "limit above 0" in runs[f"{ENV}_trpo-ipo_ideal_seed0"]["error"]
+    assert "limit above 0" in runs["short_trpo-ipo_ideal_seed0"]["error"]
     assert log.stat().st_mtime_ns == before
     assert run([*arguments, "trpo-ipo.cost_limit=2.0", "--algos", "trpo-ipo", "trpo"]) == 0
     assert "failed" not in capsys.readouterr().out
 
 
+def test_what_goes_wrong_in_a_run_is_said_with_its_name_when_it_happens_and_in_the_end(
+    tmp_path: Path, suite: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Policies that hardly vary their actions from the start, beside one that does."""
+    narrow = [*suite, "--algos", "trpo", "cpo", "--options", *TINY, "cpo.initial_log_std=-4"]
+    assert run(narrow) == 0
+    said = capsys.readouterr()
+    runs = {row["run"]: row for row in json.loads(said.out)["runs"]}
+    (finding,) = runs["short_cpo_ideal_seed0"]["warnings"]
+    assert (finding["epoch"], finding["kind"]) == (1, "entropy-collapse")
+    assert runs["short_trpo_ideal_seed0"]["warnings"] == []
+    words = "epoch 1: the policy's actions vary by 0.01"
+    assert said.err.count(words) == said.err.count(f"short_cpo_ideal_seed0 warning: {words}") == 1
+    assert run([item for item in narrow if item != "--json"]) == 0  # nothing is left to train
+    assert f"warning: short_cpo_ideal_seed0: {words}" in capsys.readouterr().out
+    (tmp_path / "short_cpo_ideal_seed0" / "diagnosis.jsonl").write_text("{}\n")
+    assert run(narrow) != 0
+    assert "diagnosis.jsonl: holds no findings" in capsys.readouterr().err
+
+
 @pytest.mark.slow
-def test_a_process_that_dies_ends_only_its_own_training(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    arguments = [*SUITE, "--out", str(tmp_path), "--jobs", "2", "--algos", "trpo", "trpo-ipo", "--options", *TINY]
+def test_a_training_that_fails_in_its_process_ends_alone(suite: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = [*suite, "--jobs", "2", "--algos", "trpo", "trpo-ipo", "--options", *TINY]
     assert run([*arguments, "--seeds", "0", "1"]) == 1
     states = {row["run"]: row["state"] for row in json.loads(capsys.readouterr().out)["runs"]}
     assert sorted(states.values()) == ["failed", "failed", "finished", "finished"]
