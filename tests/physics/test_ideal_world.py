@@ -17,6 +17,7 @@ from guard_api.scene.start import home_start
 from guard_api.testing import robots
 from guard_api.testing.ideal import backend
 from guard_api.testing.ideal.friction import rubbed
+from guard_api.testing.ideal.stops import inelastic
 from guard_api.testing.ideal.world import IdealWorld
 from tests.physics.scenes import BOX, GREMLIN, begin, bits, busy_scene, run
 
@@ -79,6 +80,46 @@ def test_a_joint_stops_at_its_limit() -> None:
     assert state.joint_velocity[0, 0] == 0.0
     world.step(np.array([[-1.0]]), 100)
     assert world.state().joint_position[0, 0] < 0.3
+
+
+def test_the_whole_robot_feels_a_stop() -> None:
+    """A knee that meets its stop drags hip and body along: linear momentum stays."""
+    free = robots.floating_tree()
+    knee = free.joint_index("left_knee")
+    joints = tuple(replace(joint, armature=0.0) for joint in free.joints)
+    joints = (*joints[:knee], replace(joints[knee], kind="revolute", limits=(-1.0, 0.0035)), *joints[knee + 1 :])
+    robot = replace(free, joints=joints)
+    spec = SceneSpec(robot=robot, gravity=(0.0, 0.0, 0.0), timestep=0.001)
+    start = home_start(spec, 1)
+    start.joint_velocity[:, knee] = 2.0
+    world = backend.build(spec, 1)
+    world.reset(np.ones(1, bool), start)
+    momenta, speeds = [], []
+    for _ in range(4):
+        state = world.state()
+        com = rotations.rotate(state.link_quaternion, np.array([link.com for link in robot.links]))
+        velocity = state.link_linear_velocity + np.cross(state.link_angular_velocity, com)
+        momenta.append(np.array([link.mass for link in robot.links]) @ velocity[0])
+        speeds.append(state.joint_velocity[0])
+        world.step(np.zeros((1, 4)), 1)
+    assert world.state().joint_position[0, knee] == 0.0035
+    np.testing.assert_allclose(world.state().joint_velocity[0, knee], 0.0, atol=1e-9)
+    hip = free.joint_index("left_hip")
+    assert abs(speeds[1][hip]) < 1e-2 < abs(world.state().link_angular_velocity[0, 0]).max()
+    # To first order in the timestep: the base's velocity is integrated, not the momentum.
+    np.testing.assert_allclose(momenta[-1], momenta[0], atol=2e-3 * np.abs(momenta[0]).max())
+
+
+def test_stops_only_push() -> None:
+    """Two masses on a line, coupled: the row that is held takes the free one along until that meets its own bound."""
+    matrix, free = np.array([[2.0, 1.0], [1.0, 2.0]]), np.array([-1.0, 0.0])
+    alone = inelastic(matrix, free, np.array([[1.0, 0.0]]), np.zeros(1))
+    np.testing.assert_allclose(alone, [0.0, -0.5])  # an impulse p: p (2/3, -1/3) with p = 3/2
+    both = inelastic(matrix, free, np.eye(2), np.zeros(2))
+    np.testing.assert_allclose(both, [0.0, 0.0], atol=1e-15)
+    let_go = inelastic(matrix, np.array([-1.0, 1.0]), np.eye(2), np.zeros(2))
+    np.testing.assert_allclose(let_go, [0.0, 0.5])
+    np.testing.assert_array_equal(inelastic(matrix, -free, np.eye(2), np.zeros(2)), -free)
 
 
 def test_a_planar_robot_moves_through_its_base_joints() -> None:

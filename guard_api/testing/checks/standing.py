@@ -17,6 +17,7 @@ from guard_api.physics.backend import Backend
 from guard_api.scene.spec import SceneSpec
 from guard_api.testing.checks.check import Finding, check, count, error
 from guard_api.testing.ideal.bodies import turned
+from guard_api.testing.ideal.stops import inelastic
 from guard_api.testing.robots import ANT_LEG, ant
 from guard_api.testing.scenes import TIMESTEP, idle, running
 
@@ -34,8 +35,7 @@ class SmoothFloor:
     """Steps an ant whose feet stand on a frictionless floor as long as it pushes them.
 
     With A = M + armature + h D, J the normal velocities of the feet per coordinate and u* the step without a floor, the
-    floor's impulses p bring u = u* + A^-1 J' p to J u = 0: an inelastic contact, exact for any armature. A foot that
-    it would have to pull is let go.
+    floor's impulses p >= 0 bring u = u* + A^-1 J' p to J u >= 0: an inelastic contact, exact for any armature.
     position (3,), quaternion (4,), q (J,), velocity (6 + J,): as in `Inspection`.
     """
 
@@ -57,22 +57,11 @@ class SmoothFloor:
             poses, u[:, :3], u[:, 3:6], u[:, 6:], effort=effort, thrust=np.zeros((1, 0, 3)), timestep=TIMESTEP
         )
         free = self.velocity + TIMESTEP * np.linalg.solve(matrix[..., 0], right[:, 0])
-        self.velocity = free + self._pushed(matrix[..., 0], free)
+        J = self._normal_velocities()
+        self.velocity = inelastic(matrix[..., 0], free, J, np.zeros(len(J)))
         self.position = self.position + TIMESTEP * self.velocity[:3]
         self.quaternion = turned(self.quaternion, TIMESTEP * self.velocity[3:6])
         self.q = self.q + TIMESTEP * self.velocity[6:]
-
-    def _pushed(self, matrix: Array, free: Array) -> Array:
-        """Return what the floor adds to the velocity `free`."""
-        J = self._normal_velocities()
-        response = np.linalg.solve(matrix, J.T)
-        standing = list(range(len(J)))
-        while standing:
-            impulse = np.linalg.solve(J[standing] @ response[:, standing], -J[standing] @ free)
-            if (impulse >= 0.0).all():
-                return response[:, standing] @ impulse
-            del standing[int(np.argmin(impulse))]
-        return np.zeros_like(free)
 
     def _normal_velocities(self) -> Array:
         """Return J (feet, 6 + J): one world per coordinate moves at unit speed in that coordinate alone."""

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from guard_api.conventions import BACKEND_API
 from guard_api.errors import BackendError
-from guard_api.model.dynamics import Dynamics
+from guard_api.model.dynamics import Dynamics, solve
 from guard_api.model.robot import RobotModel
 from guard_api.physics.actuation import ActuationLaw
 from guard_api.physics.backend import Capabilities
@@ -25,6 +25,7 @@ from guard_api.scene.spec import SceneSpec
 from guard_api.scene.start import home_start
 from guard_api.testing.ideal.bodies import FreeBodies, turned
 from guard_api.testing.ideal.friction import rubbed
+from guard_api.testing.ideal.stops import stopped
 
 Array = NDArray[np.float64]
 Data: TypeAlias = dict[str, NDArray[Any]]
@@ -56,7 +57,7 @@ class IdealWorld:
     def __init__(self, scene: SceneSpec, num_worlds: int) -> None:
         self.scene, self.num_worlds = scene, num_worlds
         robot = scene.robot
-        self.approximations = ("nothing touches anything",)
+        self.approximations: tuple[str, ...] = ("nothing touches anything",)
         self._law = ActuationLaw(robot or _NO_ROBOT)
         self._robot = Dynamics(robot, scene.gravity) if robot else None
         self._bodies = FreeBodies(scene) if scene.num_bodies else None
@@ -172,18 +173,19 @@ class IdealWorld:
         poses = robot.kinematics.poses(*(now[name] for name in _POSE))
         velocities = [now[name] for name in _VELOCITY]
         base = robot.num_coordinates - q.shape[1]
+        matrix, right = robot.equations(poses, *velocities, effort=torque, thrust=thrust, timestep=h)
+        speed = np.concatenate([array.T for array in (velocities if base else velocities[2:])])
         if self._loss.any():
-            equations = robot.equations(poses, *velocities, effort=torque, thrust=thrust, timestep=h)
-            speed = np.concatenate([np.zeros((base, self.num_worlds)), qd.T])
-            a = rubbed(*equations, speed, np.concatenate([np.zeros(base), self._loss]), h).T
+            a = rubbed(matrix, right, speed, np.concatenate([np.zeros(base), self._loss]), h)
         else:
-            a = robot.acceleration(poses, *velocities, effort=torque, thrust=thrust, timestep=h)
-        qd = qd + h * a[:, base:]
-        free = q + h * qd
-        q = np.clip(free, self._lower, self._upper)
-        moved: Data = {"joint_effort": effort, "joint_position": q, "joint_velocity": np.where(q == free, qd, 0.0)}
+            a = solve(matrix, right[:, None])[:, 0]
+        u = stopped(matrix, speed + h * a, q.T, self._lower, self._upper, h).T
+        qd = np.ascontiguousarray(u[:, base:])
+        # Clipped, since a joint that ends its timestep at a stop may round to beyond it.
+        moved: Data = {"joint_effort": effort, "joint_velocity": qd}
+        moved["joint_position"] = np.clip(q + h * qd, self._lower, self._upper)
         if base:
-            linear, angular = velocities[0] + h * a[:, :3], velocities[1] + h * a[:, 3:6]
+            linear, angular = u[:, :3].copy(), u[:, 3:6].copy()
             moved |= {"base_linear_velocity": linear, "base_angular_velocity": angular}
             moved["base_position"] = now["base_position"] + h * linear
             moved["base_quaternion"] = turned(now["base_quaternion"], h * angular)
