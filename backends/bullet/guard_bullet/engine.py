@@ -43,7 +43,8 @@ with quiet():
     import pybullet  # pyright: ignore[reportMissingImports]  # a binary module without stubs
 
 RIGID_ERP = 0.05
-"""Share of a penetration that the solver removes per step, by a velocity that stays; the engine's default is 0.08."""
+"""Share of a penetration, or of a joint's way beyond its stop, that the solver removes per step, by a velocity that
+stays; the engine's defaults are 0.08 and 0.2."""
 
 SOFTNESS = 1e-6
 """Constraint force mixing of the direct solver."""
@@ -69,7 +70,7 @@ def connect(scene: SceneSpec) -> Client:
     # Pairs sorted by body, not by memory address: the order of contacts decides the last bits.
     pybullet.setPhysicsEngineParameter(deterministicOverlappingPairs=1, enableFileCaching=0, physicsClientId=client)
     if scene.preset == "rigid":
-        pybullet.setPhysicsEngineParameter(contactERP=RIGID_ERP, physicsClientId=client)
+        pybullet.setPhysicsEngineParameter(contactERP=RIGID_ERP, erp=RIGID_ERP, physicsClientId=client)
     return client
 
 
