@@ -251,3 +251,27 @@ class Credulous(IdealWorld):
             super().restore(blob)
         except BackendError:
             return
+
+
+class Bouncing(IdealWorld):
+    """Throws a joint back from its stop at a twentieth of its speed."""
+
+    def _move_robot(self, robot, now, geared, thrust):
+        moved = super()._move_robot(robot, now, geared, thrust)
+        q = moved["joint_position"]
+        stops = (q == self._lower) | (q == self._upper)
+        back = -0.05 * now["joint_velocity"]
+        return moved | {"joint_velocity": np.where(stops, back, moved["joint_velocity"])}
+
+
+class ClippedStops(IdealWorld):
+    """Holds a joint at its stop by taking its speed away, which nothing else of the robot feels."""
+
+    def _move_robot(self, robot, now, geared, thrust):
+        lower, upper = self._lower, self._upper
+        self._lower, self._upper = np.full_like(lower, -np.inf), np.full_like(upper, np.inf)
+        moved = super()._move_robot(robot, now, geared, thrust)
+        self._lower, self._upper = lower, upper
+        q = np.clip(moved["joint_position"], lower, upper)
+        speed = np.where(q == moved["joint_position"], moved["joint_velocity"], 0.0)
+        return moved | {"joint_position": q, "joint_velocity": speed}
