@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import select
 import signal
 import struct
 import subprocess
@@ -36,6 +37,10 @@ from guard_api.scene.spec import SceneSpec
 _GRACE = 5.0
 """Seconds that a worker has to end by itself once its pipe is closed."""
 
+REPLY_TIMEOUT = 120.0
+"""Seconds in which a worker must answer. The longest honest call, which builds its share of the worlds or steps them on
+a busy machine, takes a few seconds; an engine that hangs takes for ever."""
+
 _PUBLISHING = frozenset({"reset", "step", "restore", "publish"})
 """Calls after which a worker's share of the state lies in the shared arrays."""
 
@@ -45,8 +50,8 @@ _SINGLE_THREADED = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MK
 class ShardedWorld:
     """`num_worlds` copies of `scene` on `backend`, in `workers` processes (at most one per world).
 
-    A worker that raises, or dies, raises BackendError here that names it and its worlds; after a death only `close`
-    works. A snapshot fits a world with the same number of workers.
+    A worker that raises, dies, or does not answer within `REPLY_TIMEOUT` raises BackendError here that names it and its
+    worlds; after a death or a hang only `close` works. A snapshot fits a world with the same number of workers.
     """
 
     def __init__(self, backend: Backend, scene: SceneSpec, num_worlds: int, workers: int) -> None:
@@ -60,6 +65,7 @@ class ShardedWorld:
         self._driven: set[str] = set()
         self._processes: list[subprocess.Popen[bytes]] = []
         self._pipes: list[Connection] = []
+        self._arrivals: list[select.poll] = []  # made once: `Connection.poll` makes one per call, ten times slower
         self._release = weakref.finalize(self, _release, self._processes, self._pipes)
         memory = SharedArrays.allocate(scene, num_worlds)
         self._memory = SharedArrays(scene, num_worlds, memory)
@@ -161,6 +167,8 @@ class ShardedWorld:
         )
         self._processes.append(process)
         self._pipes.append(pipe)
+        self._arrivals.append(select.poll())
+        self._arrivals[-1].register(pipe, select.POLLIN)
         theirs.close()  # so that the worker's death is the end of the stream
         job = Job(backend=self._backend, scene=self.scene, num_worlds=self.num_worlds, first=rows.start, last=rows.stop)
         self._send(len(self._pipes) - 1, job)
@@ -195,6 +203,8 @@ class ShardedWorld:
         replies = []
         for worker in workers:
             try:
+                if not self._arrivals[worker].poll(REPLY_TIMEOUT * 1000):
+                    self._hangs(worker)
                 replies.append(self._pipes[worker].recv())
             except (EOFError, ConnectionError):
                 self._died(worker)
@@ -217,6 +227,17 @@ class ShardedWorld:
         self._broken = f"{self._label(worker)} died ({ended}): close this world and build another"
         self._release()
         raise BackendError(self._broken) from None
+
+    def _hangs(self, worker: int) -> None:
+        """Release everything and raise BackendError saying that `worker` does not answer."""
+        self._broken = (
+            f"{self._label(worker)} has not answered for {REPLY_TIMEOUT:g} s, and was killed: its engine hangs, or "
+            "the machine is overloaded: build another world, with fewer worlds or workers if it happens again"
+        )
+        for process in self._processes:
+            process.kill()  # one that hangs does not see its pipe close
+        self._release()
+        raise BackendError(self._broken)
 
     def _label(self, worker: int) -> str:
         rows = self._rows[worker]

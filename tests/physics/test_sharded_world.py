@@ -15,6 +15,7 @@ import pytest
 
 from guard_api import plugins
 from guard_api.errors import BackendError
+from guard_api.physics import shard
 from guard_api.physics.shard import ShardedWorld
 from guard_api.scene.spec import SceneSpec
 from guard_api.scene.start import home_start
@@ -25,7 +26,7 @@ from tests.physics.scenes import begin, bits, busy_scene, run
 DUMMY = Path(__file__).parent.parent / "plugin/dummy_distribution"
 pytestmark = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="looks for processes in /proc")
 PENDULUM = SceneSpec(robot=robots.pendulum())
-BREAKING, DYING, TALKING = 100.0, 200.0, 300.0  # what makes the dummy engine raise, die and print
+BREAKING, DYING, TALKING, HANGING = 100.0, 200.0, 300.0, 400.0  # what makes the dummy engine raise, die, print, hang
 
 
 @pytest.fixture(scope="module")
@@ -126,6 +127,22 @@ def test_a_worker_that_dies_at_work_is_reported_and_everything_released(monkeypa
     for call in (world.state, world.snapshot, lambda: world.step(demand(0.0, 0), 1)):
         with pytest.raises(BackendError, match=message):
             call()
+    world.close()
+
+
+def test_a_worker_that_hangs_is_named_with_a_remedy_and_everything_released(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(DUMMY))
+    before = children()
+    world = ShardedWorld(plugins.load("guard.backends", "dummy"), PENDULUM, 5, 2)
+    world.reset(np.ones(5, bool), home_start(PENDULUM, 5))
+    monkeypatch.setattr(shard, "REPLY_TIMEOUT", 0.5)
+    message = r"worker 1 of 'dummy' \(worlds 2 to 4\) has not answered for 0.5 s.*build another world"
+    with pytest.raises(BackendError, match=message) as caught:
+        world.step(demand(HANGING, 4), 1)
+    assert "\n" not in str(caught.value)
+    assert children() == before
+    with pytest.raises(BackendError, match=message):
+        world.state()
     world.close()
 
 

@@ -11,8 +11,8 @@ from guard_api.conventions import BACKEND_API
 from guard_api.physics.backend import Capabilities
 from guard_api.testing.ideal.world import IdealWorld
 
-BREAKING, DYING, TALKING = 100.0, 200.0, 300.0
-"""First control of a world that makes this engine raise, die, or print to its output stream."""
+BREAKING, DYING, TALKING, HANGING = 100.0, 200.0, 300.0, 400.0
+"""First control of a world that makes this engine raise, die, print to its output stream, or never return."""
 
 
 class DummyBackend:
@@ -44,6 +44,8 @@ class DummyWorld:
             os.kill(os.getpid(), signal.SIGKILL)
         if TALKING in demands:
             print("engine chatter")
+        while HANGING in demands:
+            signal.pause()
         self._ideal.step(control, substeps)
 
     def step_raw(self, substeps):
