@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, cast, get_args
@@ -15,7 +15,7 @@ from guard_api.cli.options import parse, whole_steps
 from guard_api.cli.output import print_json, print_table
 from guard_api.measure.bench import bench
 from guard_api.measure.cells import Cell, run_cells
-from guard_api.measure.conformance import measure_conformance
+from guard_api.measure.conformance import checks_of, measure_conformance
 from guard_api.measure.divergence import measure_divergence
 from guard_api.measure.endurance import measure_endurance
 from guard_api.measure.locomotion import measure_locomotion, moves_by_contact
@@ -150,7 +150,8 @@ class Conformance(Which):
 
     def cells(self) -> list[Cell]:
         """Return one cell per robot and simulator."""
-        return _by_robot_and_backend(self.robots or robot_names(), self.backends, measure_conformance)
+        cells = _by_robot_and_backend(self.robots or robot_names(), self.backends, measure_conformance)
+        return [replace(cell, settings={"checks": checks_of(cell.robot)}) for cell in cells]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,7 +6,13 @@ from typing import Any
 
 from guard_api import plugins
 from guard_api.model.library import load_robot
+from guard_api.testing.checks.own_robot import robot_checks
 from guard_api.testing.conformance import check_robots
+
+
+def checks_of(robot: str) -> list[str]:
+    """Return the names of the checks that `robot` has: what was found of it by others is out of date."""
+    return [item.name.partition(":")[0] for item in robot_checks(load_robot(robot))]
 
 
 def measure_conformance(robot: str, backend: str) -> dict[str, Any]:

@@ -99,7 +99,7 @@ def _conformance(records: Records) -> list[Table]:
                 )
         for sentence in record["values"]["approximations"]:
             told.setdefault((record["backend"], sentence), []).append(record["robot"])
-    made = [_by_backend("Checks of each robot", records, verdict)]
+    made = [_by_backend("Checks of each robot", records, verdict), *_strains(records)]
     if gaps:
         rows = tuple((", ".join(robots), *key) for key, robots in gaps.items())
         made.append(Table(title="What does not hold, and why", columns=("robot", "backend", "check", "why"), rows=rows))
@@ -107,6 +107,26 @@ def _conformance(records: Records) -> list[Table]:
         rows = tuple((", ".join(robots), *key) for key, robots in sorted(told.items(), key=lambda i: _order(i[0][0])))
         made.append(Table(title="What an engine only approximates", columns=("robot", "backend", "what"), rows=rows))
     return made
+
+
+def _strains(records: Records) -> list[Table]:
+    """Return how near to its tolerance every check came on each backend, and with which robot; gaps aside."""
+    nearest: dict[str, dict[str, tuple[float, str]]] = {}
+    robots: dict[str, set[str]] = {}
+    for record in (record for record in records if "values" in record):
+        for check in record["values"]["checks"]:
+            robots.setdefault(check["check"], set()).add(record["robot"])
+            if check["status"] == "passed" and check.get("tolerance"):
+                of = nearest.setdefault(check["check"], {})
+                share = (float(check["value"]) / float(check["tolerance"]), record["robot"])
+                of[record["backend"]] = max(share, of.get(record["backend"], share))
+    backends = sorted({record["backend"] for record in records}, key=_order)
+    rows = []
+    for name, of in nearest.items():
+        cells = [f"{of[backend][0]:.2g}, {of[backend][1]}" if backend in of else "" for backend in backends]
+        rows.append((name.replace("_", " "), str(len(robots[name])), *cells))
+    title = "Largest measured value of each check, as a share of its tolerance, and whose"
+    return [Table(title=title, columns=("check", "robots", *backends), rows=tuple(rows))] if rows else []
 
 
 def _targets(records: Records) -> list[Table]:

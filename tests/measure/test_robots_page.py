@@ -58,7 +58,8 @@ def test_every_measure_has_tables(tmp_path: Path, capsys):
         made = tables(measure, records)
         assert made, measure
         assert all(len(row) == len(table.columns) for table in made for row in table.rows)
-        assert [row[0] for table in made for row in table.rows] == ["point"] * sum(len(t.rows) for t in made)
+        by_robot = [table for table in made if table.columns[0] == "robot"]
+        assert [row[0] for table in by_robot for row in table.rows] == ["point"] * sum(len(t.rows) for t in by_robot)
 
 
 def test_targets_are_read_from_the_motion_and_starred_when_they_are_not_guards():
@@ -81,8 +82,19 @@ def test_gaps_failures_and_approximations_are_in_the_table_of_conformance():
     values = {"checks": checks, "approximations": ["wheels are polyhedra"]}
     made = tables("conformance", [{"robot": "car", "backend": "x", "values": values}])
     assert made[0].rows == (("car", "1 hold, 1 gaps, **1 fail**"),)
-    assert [row[-1] for row in made[1].rows] == ["m: 2 > 1", "cannot say"]
-    assert made[2].rows == (("car", "x", "wheels are polyhedra"),)
+    assert [row[-1] for row in made[2].rows] == ["m: 2 > 1", "cannot say"]
+    assert made[3].rows == (("car", "x", "wheels are polyhedra"),)
+
+
+def test_the_table_of_tolerances_names_the_robot_that_comes_nearest():
+    def record(robot, backend, value):
+        check = {"check": "stops_hold", "status": "passed", "reason": None, "value": value, "tolerance": 2.0}
+        gap = {"check": "mass_matrix", "status": "gap", "reason": "hidden", "value": 9.0, "tolerance": 1.0}
+        return {"robot": robot, "backend": backend, "values": {"checks": [check, gap], "approximations": []}}
+
+    made = tables("conformance", [record("ant", "x", 1.0), record("car", "x", 0.5), record("ant", "y", 1.8)])[1]
+    assert made.columns == ("check", "robots", "x", "y")
+    assert made.rows == (("stops hold", "2", "0.5, ant", "0.9, ant"),)
 
 
 def test_a_failed_check_fails_the_command(tmp_path: Path, monkeypatch):
