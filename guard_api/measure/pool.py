@@ -151,26 +151,31 @@ class _Pool:
                 except queue.Empty:
                     if future.done():
                         break
+        again = "run the same command again to go on"
         try:
-            return future.result()
+            finished = future.result()
         except BrokenProcessPool as error:
-            raise RunError(
-                f"{training.path}: its training process died: run the same command again to go on"
-            ) from error
+            raise RunError(f"{training.path}: its training process died: {again}") from error
+        if not finished and not self._stop.is_set():
+            raise RunError(f"{training.path}: its training process was told to end, and left a checkpoint: {again}")
+        return finished
 
 
 _process: dict[str, Any] = {}
-"""In a training process: the parent's stop event and the queue of metrics rows and findings."""
+"""In a training process: the parent's stop event, the queue of metrics rows and findings, and whether it was told to
+end by itself."""
 
 
 def _begin_process(stop: Any, news: Any) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal sends Ctrl-C to all; the parent decides
-    _process.update(stop=stop, news=news)
+    # What ends all processes of a service or a batch job: not the parent's event, whose lock this code may hold.
+    signal.signal(signal.SIGTERM, lambda number, frame: _process.update(ending=True))
+    _process.update(stop=stop, news=news, ending=False)
 
 
 def _train_here(training: Training, workers: int) -> bool:
     tell = _process["news"].put
-    return train(training, tell, _process["stop"].is_set, workers, tell)
+    return train(training, tell, lambda: _process["ending"] or _process["stop"].is_set(), workers, tell)
 
 
 @contextlib.contextmanager

@@ -37,9 +37,9 @@ from guard_api.scene.spec import SceneSpec
 _GRACE = 5.0
 """Seconds that a worker has to end by itself once its pipe is closed."""
 
-REPLY_TIMEOUT = 120.0
-"""Seconds in which a worker must answer. The longest honest call, which builds its share of the worlds or steps them on
-a busy machine, takes a few seconds; an engine that hangs takes for ever."""
+REPLY_TIMEOUT = 600.0
+"""Seconds in which a worker must answer: far more than it takes to build or step hundreds of worlds on a busy machine.
+An engine that hangs takes for ever."""
 
 _PUBLISHING = frozenset({"reset", "step", "restore", "publish"})
 """Calls after which a worker's share of the state lies in the shared arrays."""
@@ -153,7 +153,8 @@ class ShardedWorld:
     def _start(self, rows: slice, memory: int) -> None:
         pipe, theirs = Pipe()
         code = (
-            "import signal, sys; signal.signal(signal.SIGINT, signal.SIG_IGN); "  # Ctrl-C is the parent's to handle
+            # Ctrl-C, and what ends a whole job, are the parent's to handle: it may want to save something first.
+            "import signal, sys; [signal.signal(s, signal.SIG_IGN) for s in (signal.SIGINT, signal.SIGTERM)]; "
             f"sys.path[:] = {sys.path!r}; from guard_api.physics.shard_worker import main; "
             f"main({theirs.fileno()}, {memory})"
         )

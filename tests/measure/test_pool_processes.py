@@ -102,3 +102,21 @@ def test_a_stop_lets_every_process_leave_a_checkpoint(tmp_path: Path, whole: lis
         assert last is not None and int(last.name) == count
     assert train_all(mine, lambda *_: None, lambda: False, jobs=2)
     assert [numbers(training) for training in mine] == [numbers(training) for training in whole]
+
+
+def test_a_process_that_is_told_to_end_leaves_a_checkpoint_and_is_no_finished_training(tmp_path: Path) -> None:
+    told, other = trainings(tmp_path)
+    failures = []
+
+    def report(training: Training, row) -> None:
+        if training == told and row["epoch"] == 1:
+            os.kill(process_of(told), signal.SIGTERM)
+
+    caught = lambda training, error: failures.append(str(error))  # noqa: E731
+    assert not train_all([told, other], report, lambda: False, jobs=2, failed=caught)
+    assert failures == [
+        f"{told.path}: its training process was told to end, and left a checkpoint: run the same command again to go on"
+    ]
+    last = RunDirectory.open(told.path).last_checkpoint()
+    assert last is not None and int(last.name) == len(numbers(told)) < EPOCHS
+    assert not is_trained(told) and is_trained(other)

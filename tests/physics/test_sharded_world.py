@@ -171,9 +171,10 @@ def test_closing_leaves_no_process_and_no_memory() -> None:
         world.step(np.zeros((4, 1)), 1)
 
 
-def test_workers_ignore_the_interrupt_that_the_parent_handles(fragile: ShardedWorld) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_workers_ignore_the_signals_that_the_parent_handles(fragile: ShardedWorld, number: int) -> None:
     for process in fragile._processes:
-        process.send_signal(signal.SIGINT)
+        process.send_signal(number)
     fragile.step(demand(0.1, 0), 2)
     assert fragile.state().ok.all()
 
