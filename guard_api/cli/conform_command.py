@@ -41,7 +41,7 @@ def main(argv: Sequence[str]) -> int:
         robots = [load_robot(name) for name in (robot_names() if options.robot == ALL else [options.robot])]
         reports = [check_robots(backend, robots, clauses) for backend in backends]
     if not any(report.results for report in reports):
-        raise SpecError(f"--clause {' '.join(options.clause)}: no check of robots belongs to it: use C3 or C4")
+        raise SpecError(f"--clause {' '.join(options.clause)}: no check of robots belongs to it: use C3, C4, C6 or C12")
     if options.json:
         print_json([report.to_dict() for report in reports] if options.backend == ALL else reports[0].to_dict())
     elif options.robot == ALL:
