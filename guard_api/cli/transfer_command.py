@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,8 +15,10 @@ from rich.progress import Progress as ProgressBars
 from guard_api.cli.interrupt import stop_request
 from guard_api.cli.options import parse_with_algorithm, whole_steps
 from guard_api.cli.output import print_json, print_table
+from guard_api.measure.diagnosis import Finding
 from guard_api.measure.plan import TransferPlan
 from guard_api.measure.report import write_report
+from guard_api.measure.training import Training
 from guard_api.measure.transfer import Progress, run_transfer
 from guard_api.runs.atomic import read_json
 from guard_api.suite import make_spec
@@ -105,9 +108,15 @@ def _run(plan: TransferPlan, options: Any) -> Path | None:
                 now += f" in {progress.target}"
             bars.update(tasks[progress.stage], completed=progress.done, total=progress.total, now=now)
 
-        return run_transfer(
-            plan, options.out, jobs=options.jobs, workers=options.workers, report=report, should_stop=stop
-        )
+        def warned(training: Training, finding: Finding) -> None:
+            line = f"{training.backend} seed {training.seed} warning: {finding}"
+            if options.json:  # the output is JSON
+                print(line, file=sys.stderr)
+            else:
+                bars.console.print(line, markup=False)
+
+        size = {"jobs": options.jobs, "workers": options.workers}
+        return run_transfer(plan, options.out, **size, report=report, warned=warned, should_stop=stop)
 
 
 def _print_matrix(result: dict[str, Any]) -> None:

@@ -17,7 +17,7 @@ from guard_api.algorithm import Algorithm, Policy
 from guard_api.env import Environment, make_environment
 from guard_api.errors import RunError
 from guard_api.measure.plan import TransferPlan, claim_folder
-from guard_api.measure.pool import train_all
+from guard_api.measure.pool import Warned, train_all
 from guard_api.measure.result import TRANSFER_FORMAT
 from guard_api.measure.rollout import EpisodeTable, RandomPolicy, evaluate
 from guard_api.measure.statistics import COVERAGE, REPLICATES
@@ -53,17 +53,19 @@ def run_transfer(
     jobs: int = 1,
     workers: int | None = None,
     report: Callable[[Progress], None] = lambda progress: None,
+    warned: Warned = lambda training, finding: None,
     should_stop: Callable[[], bool] = lambda: False,
 ) -> Path | None:
     """Run what is missing of `plan` in the folder `out`; return its transfer.json, or None when `should_stop` ended it.
 
-    jobs: trainings at a time. workers: threads or processes that step the worlds of one environment.
+    jobs: trainings at a time. workers: threads or processes that step the worlds of one environment. warned: learns of
+    what goes wrong in a training.
     Raises RunError when `out` belongs to another plan, and whatever a plugin raises; the same call goes on afterwards.
     """
     out = Path(out)
     claim_folder(plan, out)
     counter = _TrainingCounter(plan, out, report)
-    if not train_all(plan.trainings(out), counter, should_stop, jobs=jobs, workers=workers):
+    if not train_all(plan.trainings(out), counter, should_stop, jobs=jobs, workers=workers, warned=warned):
         return None
     if not _evaluate_all(plan, out, workers, report, should_stop):
         return None

@@ -13,6 +13,8 @@ import numpy as np
 import pytest
 
 from guard_api.errors import RunError, SpecError
+from guard_api.measure import training
+from guard_api.measure.diagnosis import Finding
 from guard_api.measure.plan import TransferPlan
 from guard_api.measure.report import write_report
 from guard_api.measure.transfer import Progress, run_transfer
@@ -271,3 +273,12 @@ def test_the_limit_is_the_algorithms_unless_given(make_plan):
     assert plan.limit == 1.0
     assert make_plan(cost_limit=7.0).limit == 7.0
     assert make_plan(cost_limit=7.0).fingerprint == plan.fingerprint  # verdicts may change without measuring again
+
+
+def test_what_goes_wrong_in_a_training_is_told_when_it_does(toy, make_plan, tmp_path: Path, monkeypatch):
+    finding = Finding(epoch=EPOCHS, kind="policy-stuck", message="it does not move", remedy="push it")
+    monkeypatch.setattr(training, "diagnose", lambda rows, **rest: [finding] if len(rows) == EPOCHS else [])
+    told = []
+    plan = make_plan(seeds=(0, 1))
+    run_transfer(plan, tmp_path, warned=lambda one, what: told.append((one.backend, one.seed, what)))
+    assert told == [(backend, seed, finding) for backend in plan.backends for seed in (0, 1)]
