@@ -17,6 +17,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from guard_mujoco import kernels
+
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
@@ -63,22 +65,23 @@ class Window:
     """The last `substeps` samples of rings of `samples`, oldest first, in rows `history` (n, H) of worlds."""
 
     def __init__(self, history: Array, substeps: int, samples: int) -> None:
-        self._history = history
-        newest = history[:, _CURSOR].astype(np.intp)
-        # Worlds that have always taken the same steps have their samples at the same places.
-        self._alike = len(newest) > 0 and bool((newest == newest[0]).all())
-        self._slots = (newest[: 1 if self._alike else None, None] + np.arange(1 - substeps, 1)) % samples
+        self._history, self._substeps, self._samples = history, substeps, samples
 
     def read(self, columns: Columns) -> Array:
         """Return the values (n, substeps, S)."""
-        at = columns.first + self._slots[:, :, None] * columns.stride
-        if self._alike:
-            return self._history[:, at[0]]
+        newest = self._history[:, _CURSOR].astype(np.intp)
+        slots = (newest[:, None] + np.arange(1 - self._substeps, 1)) % self._samples
+        at = columns.first + slots[:, :, None] * columns.stride
         return self._history[np.arange(len(at))[:, None, None], at]
 
     def sum(self, columns: Columns) -> Array:
         """Return the sums over the samples (n, S), added in order of time whatever the number of worlds."""
-        return sum_in_order(self.read(columns))
+        add = kernels.ring_sums()
+        if add is None:
+            return sum_in_order(self.read(columns))
+        total = np.empty((len(self._history), len(columns)))
+        add(self._history, _CURSOR, self._substeps, self._samples, columns.first, columns.stride, total)
+        return total
 
 
 def sum_in_order(values: Array) -> Array:

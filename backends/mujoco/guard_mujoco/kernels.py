@@ -51,3 +51,18 @@ def slide(q: Any, qd: Any, slides: Any, factors: Any, position: Any, linear: Any
             joint, link, axis = slides[k, 0], slides[k, 1], slides[k, 2]
             position[world, link, axis] += factors[k] * q[world, joint]
             linear[world, link, axis] += factors[k] * qd[world, joint]
+
+
+@kernel("float64[:,:], int64, int64, int64, int64[::1], int64[::1], float64[:,::1]")
+def ring_sums(history: Any, cursor: int, substeps: int, samples: int, first: Any, stride: Any, total: Any) -> None:
+    """Write the sums (n, S) over the newest `substeps` of `samples` in rings, as `guard_mujoco.history` does.
+
+    history (n, H), with the place of the newest sample in column `cursor`; first, stride (S,).
+    """
+    for world in range(history.shape[0]):
+        oldest = int(history[world, cursor]) + 1 - substeps
+        for s in range(first.shape[0]):
+            added = 0.0
+            for k in range(oldest, oldest + substeps):
+                added += history[world, first[s] + (k % samples) * stride[s]]
+            total[world, s] = added

@@ -72,17 +72,16 @@ class ContactReadout:
     """Where contact is found in the engine's rings of sensor values.
 
     num_touch: number K of touch sensors; they do not exist in the engine where nothing can touch the robot.
-    samples: substeps that the rings hold; 0 without sensors. touch: columns of all normal force on each touch sensor.
-    found: columns of the number of contacts with each of the B bodies. own: what is known of contacts with the robot
-    itself; own_strongest: columns of the largest such force on every link concerned, which is nearly always 0.
+    num_bodies: number B of bodies. samples: substeps that the rings hold; 0 without sensors. summed: columns of all
+    normal force on each touch sensor, of the number of contacts with each body, and of the largest force by which each
+    link concerned touches the robot itself, which is nearly always 0. own: what is known of those contacts.
     """
 
     num_touch: int
+    num_bodies: int
     samples: int
-    touch: Columns
-    found: Columns
+    summed: Columns
     own: tuple[OwnContacts, ...]
-    own_strongest: Columns
 
     @property
     def any(self) -> bool:
@@ -99,8 +98,9 @@ class ContactReadout:
     def read(self, history: Array, substeps: int) -> tuple[Array, NDArray[np.bool_]]:
         """Return touch (n, K) [N], summed, and body_contact (n, B) of the last `substeps` in `history` (n, H)."""
         window = Window(history, substeps, self.samples)
-        touch, found = window.sum(self.touch), window.sum(self.found) > 0.0
-        if not self.own or not window.read(self.own_strongest).any():
+        sums = window.sum(self.summed)
+        touch, found = sums[:, : self.num_touch], sums[:, self.num_touch : self.num_touch + self.num_bodies] > 0.0
+        if not sums[:, self.num_touch + self.num_bodies :].any():
             return touch, found
         every = touch.copy()
         for own in self.own:
@@ -160,20 +160,21 @@ def contact_readout(scene: SceneSpec, model: mujoco.MjModel) -> ContactReadout:
     touch = robot.touch_sensors if robot else ()
     if robot is None or model.nsensor == 0:
         none = columns_of(model, [])
-        return ContactReadout(num_touch=len(touch), samples=0, touch=none, found=none, own=(), own_strongest=none)
+        return ContactReadout(num_touch=len(touch), num_bodies=scene.num_bodies, samples=0, summed=none, own=())
     limited, self_touching = TouchSensors(robot).limited, _self_touching(robot)
     own = tuple(
         _own_contacts(model, number, sensor, limited=limited[number])
         for number, sensor in enumerate(touch)
         if sensor.link in self_touching
     )
+    names = [*(f"touch/{k}" for k in range(len(touch))), *(f"found/{k}" for k in range(scene.num_bodies))]
+    first = columns_of(model, [model.sensor(name).id for name in names])
     return ContactReadout(
         num_touch=len(touch),
+        num_bodies=scene.num_bodies,
         samples=robot.substeps,
-        touch=columns_of(model, [model.sensor(f"touch/{k}").id for k in range(len(touch))]),
-        found=columns_of(model, [model.sensor(f"found/{k}").id for k in range(scene.num_bodies)]),
+        summed=Columns.joined([first, *(item.force.part(np.array([0])) for item in own)]),
         own=own,
-        own_strongest=Columns.joined(item.force.part(np.array([0])) for item in own),
     )
 
 
