@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from guard_api import plugins, rotations
-from guard_api.errors import PluginError
+from guard_api import rotations
 from guard_api.testing.conformance import find, run_check
+from tests.engines import engine
 from tests.faulty_backends import (
     CeilingForTheCom,
     ClippedSprings,
@@ -176,15 +176,12 @@ class LastSubstepTouch:
 
 @pytest.mark.parametrize("name", ["touch_covers_all_substeps", "contact_flag_covers_all_substeps"])
 def test_touch_of_the_last_substep_alone_is_found(name):
-    try:
-        engine = plugins.load("guard.backends", "mujoco")
-    except PluginError as problem:
-        pytest.skip(str(problem))
+    mujoco = engine("mujoco")
 
     class Backend:
-        name, capabilities = engine.name, engine.capabilities
+        name, capabilities = mujoco.name, mujoco.capabilities
 
         def build(self, scene, num_worlds, threads=1):
-            return LastSubstepTouch(engine.build(scene, num_worlds, threads))
+            return LastSubstepTouch(mujoco.build(scene, num_worlds, threads))
 
     assert run_check(Backend(), find(name)).status == "failed"

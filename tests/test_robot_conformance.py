@@ -8,28 +8,19 @@ import numpy as np
 import pytest
 
 from guard_api import plugins
-from guard_api.errors import PluginError
 from guard_api.model.library import load_robot, robot_names
 from guard_api.testing import robots
 from guard_api.testing.checks.own_robot import OF_ROBOTS, robot_checks
 from guard_api.testing.checks.rest import lies_on_floor
 from guard_api.testing.conformance import run_check
 from guard_api.testing.ideal.world import IdealBackend
+from tests.engines import engine
 from tests.faulty_backends import Bouncing, ClippedStops, FaultyBackend, with_actuators, with_joints
 
 FAST = ("drone", "ant")
 """Between them they have every check: thrust, armature, stops, a floating base, and feet on the floor."""
 
 ENGINES = [name for name in plugins.names("guard.backends") if name != "ideal"]
-
-
-def engine(name):
-    try:
-        return plugins.load("guard.backends", name)
-    except PluginError as problem:
-        if "pip install" not in str(problem):
-            raise
-        pytest.skip(str(problem))
 
 
 def of_robot(name, robot):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -23,6 +24,14 @@ def print_table(title: str, columns: Sequence[str], rows: Iterable[Iterable[Any]
     for row in rows:
         table.add_row(*(_cell(value) for value in row))
     Console(soft_wrap=False, markup=False).print(table)  # units in [brackets] are no markup
+
+
+def print_line(line: str, console: Console, to_stderr: bool) -> None:
+    """Print `line` above the progress bars of `console`, or `to_stderr` for a command whose output is JSON."""
+    if to_stderr:
+        print(line, file=sys.stderr)
+    else:
+        console.print(line, markup=False)
 
 
 def _cell(value: Any) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -12,7 +11,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from guard_api.cli.interrupt import stop_request
 from guard_api.cli.options import parse
-from guard_api.cli.output import print_json, print_table
+from guard_api.cli.output import print_json, print_line, print_table
 from guard_api.errors import SpecError
 from guard_api.measure.diagnosis import Finding
 from guard_api.measure.grid import parse_options, read_grid
@@ -94,10 +93,7 @@ def _train(trainings: Sequence[Training], options: Options, failures: dict[Path,
             progress.update(bar, completed=len(finished), now=now)
 
         def say(line: str) -> None:
-            if options.json:  # the output is JSON
-                print(line, file=sys.stderr)
-            else:
-                progress.console.print(line, markup=False)
+            print_line(line, progress.console, options.json)
 
         def warned(training: Training, finding: Finding) -> None:
             say(f"{training.path.name} warning: {finding}")

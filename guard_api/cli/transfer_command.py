@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +13,7 @@ from rich.progress import Progress as ProgressBars
 
 from guard_api.cli.interrupt import stop_request
 from guard_api.cli.options import parse_with_algorithm, whole_steps
-from guard_api.cli.output import print_json, print_table
+from guard_api.cli.output import print_json, print_line, print_table
 from guard_api.measure.diagnosis import Finding
 from guard_api.measure.plan import TransferPlan
 from guard_api.measure.report import write_report
@@ -109,11 +108,7 @@ def _run(plan: TransferPlan, options: Any) -> Path | None:
             bars.update(tasks[progress.stage], completed=progress.done, total=progress.total, now=now)
 
         def warned(training: Training, finding: Finding) -> None:
-            line = f"{training.backend} seed {training.seed} warning: {finding}"
-            if options.json:  # the output is JSON
-                print(line, file=sys.stderr)
-            else:
-                bars.console.print(line, markup=False)
+            print_line(f"{training.backend} seed {training.seed} warning: {finding}", bars.console, options.json)
 
         size = {"jobs": options.jobs, "workers": options.workers}
         return run_transfer(plan, options.out, **size, report=report, warned=warned, should_stop=stop)

@@ -154,7 +154,8 @@ class ShardedWorld:
         pipe, theirs = Pipe()
         code = (
             # Ctrl-C, and what ends a whole job, are the parent's to handle: it may want to save something first.
-            "import signal, sys; [signal.signal(s, signal.SIG_IGN) for s in (signal.SIGINT, signal.SIGTERM)]; "
+            "import signal, sys; "
+            "signal.signal(signal.SIGINT, signal.SIG_IGN); signal.signal(signal.SIGTERM, signal.SIG_IGN); "
             f"sys.path[:] = {sys.path!r}; from guard_api.physics.shard_worker import main; "
             f"main({theirs.fileno()}, {memory})"
         )

@@ -7,8 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from guard_api import plugins
-from guard_api.errors import PluginError
 from guard_api.model.robot import Collision
 from guard_api.physics import touch
 from guard_api.physics.touch import LinkContacts, TouchSensors, counts
@@ -16,6 +14,7 @@ from guard_api.shapes import Box, Capsule, Cylinder, Mesh, Pose, Sphere
 from guard_api.testing.conformance import find, run_check
 from guard_api.testing.robots import floating_tree, touch_sensor
 from guard_api.testing.scenes import loose_link
+from tests.engines import engine
 
 UP = np.array([0.0, 0.0, 1.0])
 EAST = np.array([1.0, 0.0, 0.0])
@@ -95,13 +94,6 @@ class Altered:
     def build(self, scene, num_worlds, threads=1):
         changed = tuple(replace(sensor, **self._values) for sensor in scene.robot.sensors)
         return self._engine.build(replace(scene, robot=replace(scene.robot, sensors=changed)), num_worlds, threads)
-
-
-def engine(name):
-    try:
-        return plugins.load("guard.backends", name)
-    except PluginError as problem:
-        pytest.skip(str(problem))
 
 
 FAULTS = {"places at the link's frame": {"pose": Pose()}, "no radius": {"radius": float("inf")}}
