@@ -19,7 +19,9 @@ from guard_api.shapes import Box, Mesh, Pose, Sphere
 from guard_api.testing.robots import floating_body, floating_tree, planar_point, three_link_arm, touch_sensor
 
 mujoco = pytest.importorskip("mujoco")
-backend = pytest.importorskip("guard_mujoco").backend
+guard_mujoco = pytest.importorskip("guard_mujoco")
+kernels = pytest.importorskip("guard_mujoco.kernels")
+backend = guard_mujoco.backend
 
 RIGID_STIFFNESS = 0.04  # share of the impact speed that a contact's spring may add
 
@@ -339,3 +341,22 @@ def test_a_closed_world_says_so():
     world.close()
     with pytest.raises(BackendError, match="closed"):
         world.state()
+
+
+@pytest.mark.parametrize("form", ["compiled", "plain"])
+@pytest.mark.parametrize("fault", ["nothing", "NaN", "speed", "warning", "not ok"])
+def test_any_disturbance_of_any_world_is_seen(form, fault):
+    pytest.importorskip("numba")
+    undisturbed = kernels.undisturbed() if form == "compiled" else guard_mujoco.world._undisturbed
+    qvel, warning, ok, verdict = np.ones((3, 4))[:, ::2], np.zeros((3, 7, 2), np.int32), np.ones(3, bool), EVERY.copy()
+    match fault:
+        case "NaN":
+            qvel[1, 1] = np.nan
+        case "speed":
+            qvel[1, 1] = 10.0
+        case "warning":
+            warning[2, 6, 1] = 1
+        case "not ok":
+            ok[2] = False
+    undisturbed(qvel, warning, ok, 100.0, verdict)
+    assert verdict[0] == (fault == "nothing")

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from guard_api.model.kinematics import Kinematics, rows_of
 from guard_api.model.robot import RobotModel
-from guard_mujoco import kernels
 
 Array = NDArray[np.float64]
 
@@ -21,6 +20,16 @@ class Frames(NamedTuple):
     quaternion: Array
     linear: Array
     angular: Array
+
+
+class Slides(NamedTuple):
+    """What sliding joints add to links: `axes` (S, 3) joint, link and axis; `factors` (S,) of the joint's state."""
+
+    axes: NDArray[np.intp]
+    factors: Array
+
+
+NO_SLIDES = Slides(np.empty((0, 3), np.intp), np.empty(0))
 
 
 class LinksOnRails:
@@ -38,29 +47,21 @@ class LinksOnRails:
         poses = kinematics.poses(np.zeros((len(unit), 3)), upright, unit)
         self._rest, self._quaternion = poses.position[0], poses.quaternion[0]
         directions = poses.position[1:] - self._rest
-        slides = [(self._joints[j], self.links[k], axis) for j, k, axis in np.argwhere(directions)]
-        self._slides = np.array(slides, np.intp).reshape(-1, 3)
-        self._factors = directions[np.nonzero(directions)]
+        axes = [(self._joints[j], self.links[k], axis) for j, k, axis in np.argwhere(directions)]
+        self.slides = Slides(np.array(axes, np.intp).reshape(-1, 3), directions[np.nonzero(directions)])
 
     def prepare(self, blank: Frames) -> None:
         """Write what does not change into `blank` (N, L, ...), which is zero."""
         blank.position[:, self.links], blank.quaternion[:, self.links] = self._rest, self._quaternion
 
     def fill(self, frames: Frames, q: Array, qd: Array) -> None:
-        """Move these links in `frames` (N, L, ...), a prepared one, by the joints' state (N, J)."""
-        move = kernels.slide() or _slide
-        move(q, qd, self._slides, self._factors, frames.position, frames.linear)
-
-
-def _slide(q: Array, qd: Array, slides: NDArray[np.intp], factors: Array, position: Array, linear: Array) -> None:
-    """Add to links what sliding joints do: `slides` (K, 3) are joint, link and axis."""
-    for (joint, link, axis), factor in zip(slides, factors, strict=True):
-        position[:, link, axis] += factor * q[:, joint]
-        linear[:, link, axis] += factor * qd[:, joint]
+        """Write nothing into `frames`, a prepared one: these links need `slides` alone."""
 
 
 class ChainedLinks:
     """Massless links anywhere in the tree, by forward kinematics from the first link."""
+
+    slides = NO_SLIDES
 
     def __init__(self, robot: RobotModel, links: list[int]) -> None:
         self.links = links

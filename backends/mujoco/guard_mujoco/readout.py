@@ -10,7 +10,7 @@ from guard_api import rotations
 from guard_api.model.kinematics import Rows, rows_of
 from guard_mujoco import kernels
 from guard_mujoco.compile import NO_BODY, CompiledScene
-from guard_mujoco.merged import Frames, merged_links
+from guard_mujoco.merged import NO_SLIDES, Frames, merged_links
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -31,30 +31,57 @@ class Readout:
         self._xpos, self._xquat = batch.bind("xpos"), batch.bind("xquat")
         self._cvel, self._com = batch.bind("cvel"), batch.bind("subtree_com")
         total = self._num_links + num_bodies
-        self._blank = Frames(*(np.zeros((batch.nsim, total, size)) for size in (3, 4, 3, 3)))
+        self._slides = self._merged.slides if self._merged else NO_SLIDES
+        self._blank = np.zeros((batch.nsim, total, 13))
         if self._merged is not None:
-            self._merged.prepare(self._blank)
+            self._merged.prepare(_parts(self._blank))
 
     def read(self, q: Array, qd: Array) -> tuple[Frames, Frames]:
         """Return the frames of links and of bodies, new arrays; `q`, `qd` (N, J) are the joints' present state."""
-        frames = Frames(*(array.copy() for array in self._blank))
+        block = self._blank.copy()
+        frames = _parts(block)
         read = kernels.frames() or _read
-        read(self._xpos, self._xquat, self._cvel, self._com, self._bodies, self._roots, self._rows, *frames)
-        links = Frames(*(array[:, : self._num_links] for array in frames))
+        engine = (self._xpos, self._xquat, self._cvel, self._com)
+        read(*engine, self._bodies, self._roots, self._rows, q, qd, *self._slides, *frames)
+        links = frames if self._num_links == block.shape[1] else _parts(block[:, : self._num_links])
         if self._merged is not None:
             self._merged.fill(links, q, qd)
-        return links, Frames(*(array[:, self._num_links :] for array in frames))
+        return links, _parts(block[:, self._num_links :])
+
+
+def _parts(block: Array) -> Frames:
+    """Return the frames that lie in `block` (N, K, 13)."""
+    return Frames(block[..., :3], block[..., 3:7], block[..., 7:10], block[..., 10:])
 
 
 def _read(
-    xpos: Array, xquat: Array, cvel: Array, subtree_com: Array, bodies: Index, roots: Index, rows: Index, *frames: Array
+    xpos: Array,
+    xquat: Array,
+    cvel: Array,
+    subtree_com: Array,
+    bodies: Index,
+    roots: Index,
+    rows: Index,
+    q: Array,
+    qd: Array,
+    slides: Index,
+    factors: Array,
+    position: Array,
+    quaternion: Array,
+    linear: Array,
+    angular: Array,
 ) -> None:
-    """Write the frames of MuJoCo's `bodies` (K,), in trees that start at `roots` (K,), into the `rows` of `frames`."""
-    position, quaternion, linear, angular = frames
+    """Write the frames of `bodies` (K,), in trees that start at `roots` (K,), into the `rows` (K,) of the last four.
+
+    Then add what sliding joints do to massless links, `slides` (S, 3) and `factors` (S,).
+    """
     at, velocity = xpos[:, bodies], cvel[:, bodies]
     position[:, rows], quaternion[:, rows], angular[:, rows] = at, xquat[:, bodies], velocity[..., :3]
     # MuJoCo's velocities are those of the point of each body that is at the centre of mass of its whole tree.
     linear[:, rows] = velocity[..., 3:] + rotations.cross(velocity[..., :3], at - subtree_com[:, roots])
+    for (joint, link, axis), factor in zip(slides.tolist(), factors.tolist(), strict=True):
+        position[:, link, axis] += factor * q[:, joint]
+        linear[:, link, axis] += factor * qd[:, joint]
 
 
 class EffortReadout:

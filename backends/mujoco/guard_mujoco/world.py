@@ -16,6 +16,7 @@ from guard_api.conventions import DIVERGED_SPEED
 from guard_api.errors import BackendError
 from guard_api.model.kinematics import Rows, rows_of
 from guard_api.physics.state import Array, Inspection, Mask, Start, State, is_sound
+from guard_mujoco import kernels
 from guard_mujoco.ceilings import Ceilings
 from guard_mujoco.compile import CompiledScene
 from guard_mujoco.diagnostics import redirect_warnings
@@ -30,6 +31,7 @@ _COUNT = 1
 """Column of a warning counter that counts; the other one is its last information."""
 
 ALL = slice(None)
+_NOBODY: NDArray[np.intp] = np.empty(0, np.intp)
 
 
 class MuJoCoWorld:
@@ -55,6 +57,7 @@ class MuJoCoWorld:
         self._driven = DrivenBodies(compiled, self._batch)
         self._ok = np.ones(num_worlds, bool)
         self._everyone = np.arange(num_worlds)
+        self._verdict = np.zeros(1, bool)
         self._effort = np.zeros((num_worlds, len(compiled.joint_dof)))
         self._touch = np.zeros((num_worlds, compiled.contact.num_touch))
         self._body_contact = np.zeros((num_worlds, self.scene.num_bodies), bool)
@@ -204,11 +207,10 @@ class MuJoCoWorld:
     def _newly_failed(self, rows: Rows) -> NDArray[np.intp]:
         """Return which of the worlds just stepped raised an error or a warning, or hold numbers that are not sound."""
         batch = self._batch
-        # Nearly always nothing is wrong, and what all worlds have together says so. Without a warning accelerations
-        # were finite, so the numbers are when the velocities are; no sum with NaN is small.
-        slow = np.vdot(self._qvel, self._qvel) <= DIVERGED_SPEED**2
-        if slow and self._ok.all() and not np.count_nonzero(batch.warning):
-            return np.empty(0, np.intp)
+        undisturbed = kernels.undisturbed() or _undisturbed
+        undisturbed(self._qvel, batch.warning, self._ok, DIVERGED_SPEED**2, self._verdict)
+        if self._verdict[0]:
+            return _NOBODY
         stepped = np.zeros(self.num_worlds, bool)
         stepped[rows] = True
         # Each of the engine's warnings means that it left out or invented something.
@@ -220,3 +222,11 @@ class MuJoCoWorld:
         """Return the arrays that are the worlds' state; writing into them changes it."""
         summaries = (self._effort, self._touch, self._body_contact)
         return [self._batch.state, self._ok, self._driven.target, *summaries]
+
+
+def _undisturbed(qvel: Array, warning: NDArray[np.int32], ok: Mask, limit: float, verdict: NDArray[np.bool_]) -> None:
+    """Write whether nothing is wrong in any world into `verdict` (1,); nearly always that is all there is to ask.
+
+    Without a warning accelerations were finite, so the numbers are when the velocities are; no sum with NaN is small.
+    """
+    verdict[0] = np.vdot(qvel, qvel) <= limit and ok.all() and not np.count_nonzero(warning)
