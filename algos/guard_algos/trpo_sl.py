@@ -1,9 +1,8 @@
 """TRPO-SL: TRPO behind a safety layer, which moves every action as little as a linear model of the next cost allows.
 
-    argmin over a in [-1, 1]^A of |a - a_pi|^2 / 2   subject to   c_k(s) + b_k(s) + g_k(s) . a <= C_k
+    argmin over a in [-1, 1]^A of |a - a_pi|^2 / 2   subject to   c_k(s) + g_k(s) . a <= C_k
 
-c_k(s) is the cost measured in the step before, b_k and g_k are one network, and C_k is the threshold of the next step's
-cost.
+c_k(s) is the cost measured in the step before, g_k is a network, and C_k is the threshold of the next step's cost.
 Source: Dalal et al. 2018, "Safe Exploration in Continuous Action Spaces", sections 4 and 5 and proposition 1.
 
 Decisions:
@@ -15,9 +14,10 @@ Decisions:
 - The bounds belong to the problem: its solution is exact (`box.project`), the paper's closed form is clipped afterwards
   and then exceeds the threshold although an action exists that meets it. Away from the bounds both are the same.
 - Of several constraints, the one with the largest multiplier is taken to be active, as the paper does.
-- b, how the cost drifts whatever is done, is not in the paper, whose actions are positions. Where an action moves the
-  velocity and the velocity the cost, as in robots driven by forces, the drift is most of the change; without b it goes
-  into g as the actions that happened to go along with it, and the layer raises the costs that it is there to lower.
+- The model has no term for how the cost changes whatever is done, though that is most of the change where actions are
+  forces: within one step Point's full thrust moves it by 0.6 mm, its velocity by up to 30 mm. So g says which actions
+  go along with a rising cost, 40 times what they do to it, and the layer undoes those. A model with that term fits
+  better and is a worse layer: what it leaves to g is its error, on whose sign the layer acts (results/README.md).
 - What is executed cannot take part in the gradient, and the proposed action does: `shield` says why.
 """
 
@@ -48,9 +48,9 @@ class TrpoSlConfig(shield.ShieldConfig):
 
 
 class CostModel:
-    """c(s') = c(s) + b(s) + g(s) . a: how the cost of the next step changes by itself and by the action.
+    """c(s') = c(s) + g(s) . a: how the cost of the next step changes with the action.
 
-    network: from observations to the A components of g, then b.
+    network: from observations to the A components of g.
     """
 
     def __init__(self, network: Mlp, generator: torch.Generator, learning_rate: float) -> None:
@@ -62,10 +62,9 @@ class CostModel:
         """Return the live parameters and optimiser state."""
         return {"parameters": self._parameters} | {f"adam.{k}": v for k, v in self._adam.tensors().items()}
 
-    def change(self, observation: Tensor) -> tuple[Tensor, Tensor]:
-        """Return g (M, A) and b (M,) at observations (M, O)."""
-        output = self._network.forward(self._parameters, observation)
-        return output[:, :-1], output[:, -1]
+    def slope(self, observation: Tensor) -> Tensor:
+        """Return g (M, A) at observations (M, O)."""
+        return self._network.forward(self._parameters, observation)
 
     def fit(
         self,
@@ -77,12 +76,11 @@ class CostModel:
         batch_size: int,
         pool: Executor,
     ) -> tuple[float, float]:
-        """Take Adam steps on sum(weight (b(s) + g(s) . a - change)^2); return its value for all rows before and after.
+        """Take Adam steps on sum(weight (g(s) . a - change)^2); return its value for all rows before and after.
 
         action: (M, A) executed. change: (M,) c(s') - c(s). weight: (M,), of sum 1. Each step looks at `batch_size`
         rows. Raises NotFiniteError for a loss that is not finite.
         """
-        factors = torch.cat([action, torch.ones(len(action), 1)], dim=1)  # of the network's outputs, g and b
 
         def add(rows: Tensor, a: Tensor, goal: Tensor, w: Tensor, out: Tensor) -> None:
             activations = self._network.activations(self._parameters, rows)
@@ -90,12 +88,12 @@ class CostModel:
             self._network.pull(self._parameters, activations, (2 * w * error)[:, None] * a, out)
 
         def loss() -> float:
-            error = (self._network.outputs(self._parameters, observation, pool) * factors).sum(-1) - change
+            error = (self._network.outputs(self._parameters, observation, pool) * action).sum(-1) - change
             return float(finite((weight * error.square()).double().sum(), "loss of a cost model"))
 
         before = loss()
         for rows in minibatches(len(change), batch_size, iterations, seed=self._adam.count):
-            columns = [pieces(column[rows]) for column in (observation, factors, change, weight)]
+            columns = [pieces(column[rows]) for column in (observation, action, change, weight)]
             self._adam.step(accumulate(pool, self._parameters, add, *columns))
         return before, loss()
 
@@ -108,7 +106,7 @@ class TrpoSl(Method):
         self._signals = config.signals(problem.cost_names)
         self._limits = torch.tensor([signal.limit for signal in self._signals])
         self._warmup = shield.Warmup(config.warmup_ratio, problem.total_steps)
-        network = Mlp((problem.observation_size, *config.hidden, problem.action_size + 1))
+        network = Mlp((problem.observation_size, *config.hidden, problem.action_size))
         self._models = [CostModel(network, problem.generator, config.value_learning_rate) for _ in self._signals]
 
     def correct(self, observation: Tensor, costs: Tensor | None, action: Tensor) -> Tensor:
@@ -137,7 +135,7 @@ class TrpoSl(Method):
         """Raise the surrogate return, then fit the models of the costs."""
         executed = shield.clipped(batch.rollout.executed.flatten(0, 1))
         before = self._reduced(torch.from_numpy(costs_before(batch.rollout))).flatten(0, 1)
-        unmet = (self._excess(*self._changes(batch.observation), executed, before) > _ROUNDING).any(-1)
+        unmet = (self._excess(self._slopes(batch.observation), executed, before) > _ROUNDING).any(-1)
         row = shield.row(batch, self._warmup.over, unmet)
         objective = trust_region.surrogate(batch.reward_advantage, batch.log_prob)
         row |= trust_region.update(policy, theta, batch, self._config, pool, objective=objective).row()
@@ -158,23 +156,21 @@ class TrpoSl(Method):
 
     def _corrected(self, observation: Tensor, costs: Tensor | None, action: Tensor) -> Tensor:
         assert costs is not None
-        slope, drift = self._changes(observation)
-        inside = shield.clipped(action)
-        excess = self._excess(slope, drift, inside, self._reduced(costs))
+        slope, inside = self._slopes(observation), shield.clipped(action)
+        excess = self._excess(slope, inside, self._reduced(costs))
         return torch.where((excess > 0).any(-1, keepdim=True), safest(inside, slope, excess), action)
 
-    def _changes(self, observation: Tensor) -> tuple[Tensor, Tensor]:
-        """Return g (M, K, A) and b (M, K)."""
-        slopes, drifts = zip(*(model.change(observation) for model in self._models), strict=True)
-        return torch.stack(slopes, dim=1), torch.stack(drifts, dim=1)
+    def _slopes(self, observation: Tensor) -> Tensor:
+        """Return g (M, K, A)."""
+        return torch.stack([model.slope(observation) for model in self._models], dim=1)
 
     def _reduced(self, costs: Tensor) -> Tensor:
         """Return the watched sums (..., K) of the environment's costs (..., C)."""
         return torch.stack([costs[..., list(s.columns)].sum(-1) for s in self._signals], dim=-1).float()
 
-    def _excess(self, slope: Tensor, drift: Tensor, action: Tensor, costs: Tensor) -> Tensor:
+    def _excess(self, slope: Tensor, action: Tensor, costs: Tensor) -> Tensor:
         """Return by how much the predicted next costs (M, K) exceed their thresholds."""
-        return costs + drift + (slope * action[:, None]).sum(-1) - self._limits
+        return costs + (slope * action[:, None]).sum(-1) - self._limits
 
 
 _ROUNDING = 1e-5
