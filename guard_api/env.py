@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from guard_api import plugins
 from guard_api.errors import SpecError
-from guard_api.model.library import load_robot
+from guard_api.model.library import load_robot, side_file
+from guard_api.model.robot import RobotModel
 from guard_api.physics.build import build_world
 from guard_api.physics.state import Array, Mask, State
 from guard_api.physics.transition import Snapshot, SnapshotReader, Transition
@@ -68,7 +69,7 @@ class Environment:
         if num_worlds < 1:
             raise SpecError(f"num_worlds is {num_worlds}: it must be at least 1")
         self.spec, self.backend_name, self.num_worlds, self.seed = spec, backend, num_worlds, _checked(seed)
-        self.robot = load_robot(spec.robot)
+        self.robot = _driven(spec.robot)
         self._groups = spec.groups
         self.scene = SceneSpec(
             robot=self.robot,
@@ -265,6 +266,14 @@ def make_environment(
     """
     spec = make_spec(env) if isinstance(env, str) else env
     return Environment(spec, backend=backend, num_worlds=num_worlds, seed=seed, workers=workers)
+
+
+def _driven(name: str) -> RobotModel:
+    """Return the robot `name`. Raises SpecError for one without actuators, in whose environment nobody could act."""
+    robot = load_robot(name)
+    if not robot.actuators:
+        raise SpecError(f"robot {name!r} has no actuators, nothing can move it: add [[actuators]] to {side_file(name)}")
+    return robot
 
 
 def _checked(seed: int) -> int:

@@ -16,6 +16,8 @@ from guard_api import __version__, plugins
 from guard_api.cli.options import parse
 from guard_api.cli.output import print_json, print_table
 from guard_api.env import make_environment
+from guard_api.errors import GuardError, ModelError
+from guard_api.model.library import load_robot, robot_names
 from guard_api.physics.build import usable_cores
 
 PROBE: Final = "Goal_Point_8Hazards"
@@ -33,7 +35,7 @@ class Options:
 def main(argv: Sequence[str]) -> int:
     """Run the command; exit code 1 when something that is installed does not work."""
     options = parse(Options, "doctor", argv, "Say what works on this machine.")
-    rows = [*_machine(), *_backends(), *_algorithms()]
+    rows = [*_machine(), *_backends(), *_algorithms(), *_robots()]
     if options.json:
         print_json(rows)
     else:
@@ -78,3 +80,18 @@ def _algorithms() -> list[dict[str, Any]]:
         _row(f"algorithm {name}", "ok" if reason is None else "missing", reason or "")
         for name, reason in plugins.available("guard.algorithms").items()
     ]
+
+
+def _robots() -> list[dict[str, Any]]:
+    """Read every robot; a row for each that cannot be used, with its first problem, and one for all others."""
+    try:
+        names = robot_names()
+    except GuardError as error:
+        return [_row("robots", "broken", str(error))]
+    rows = []
+    for name in names:
+        try:
+            load_robot(name)
+        except ModelError as error:
+            rows.append(_row(f"robot {name}", "broken", str(error).splitlines()[0]))
+    return [_row("robots", "ok", f"{len(names) - len(rows)} can be read"), *rows]

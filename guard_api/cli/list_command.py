@@ -12,7 +12,7 @@ import tyro
 from guard_api import plugins
 from guard_api.cli.options import parse
 from guard_api.cli.output import print_json, print_table
-from guard_api.errors import PluginError, SpecError, unknown_name
+from guard_api.errors import ModelError, PluginError, SpecError, unknown_name
 from guard_api.model.library import load_robot, robot_names
 from guard_api.spec import EnvSpec, Kind, term_names, term_type
 from guard_api.suite import known_names, make_spec, suite_names
@@ -80,9 +80,9 @@ def _environments(options: Options) -> list[dict[str, Any]]:
 
 
 def _specs(names: list[str]) -> Iterator[EnvSpec]:
-    """Yield what `names` stand for, without those of a package that is broken: the lists of its terms say why."""
+    """Yield what `names` stand for, without those of a broken package: the lists of robots and terms say why."""
     for name in names:
-        with contextlib.suppress(PluginError):
+        with contextlib.suppress(PluginError, ModelError):
             yield make_spec(name)
 
 
@@ -96,11 +96,19 @@ def _fits(spec: EnvSpec, task: str | None, robot: str | None, constraint: str | 
 
 
 def _robots() -> list[dict[str, Any]]:
-    robots = [load_robot(name) for name in robot_names()]
-    return [
-        {"name": r.name, "base": r.base, "joints": len(r.joints), "actions": len(r.actuators), "licence": r.licence}
-        for r in robots
-    ]
+    """Return every robot, one whose files cannot be used with their first problem as a note."""
+    rows = []
+    for name in robot_names():
+        row = {"name": name, "base": "", "joints": "", "actions": "", "licence": "", "note": ""}
+        try:
+            robot = load_robot(name)
+        except ModelError as error:
+            row["note"] = str(error).splitlines()[0]
+        else:
+            row |= {"base": robot.base, "joints": len(robot.joints), "actions": len(robot.actuators)}
+            row["licence"] = robot.licence
+        rows.append(row)
+    return rows
 
 
 def _terms(kind: Kind) -> list[dict[str, Any]]:

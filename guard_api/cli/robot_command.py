@@ -145,4 +145,9 @@ def _print_check(robot: RobotModel, reports: Sequence[ConformanceReport]) -> Non
             if result.reason:
                 print(f"{report.backend}: {result.title} {result.status}: {result.reason}")
     failed = [report.backend for report in reports if not report.passed]
-    print(f"not the same robot in {', '.join(failed)}" if failed else f"the same robot in {', '.join(names)}")
+    if failed:
+        print(f"not the same robot in {', '.join(failed)}")
+        return
+    approximate = [report.backend for report in reports if report.approximations.get(robot.name)]
+    but = f", but for the approximations above in {', '.join(approximate)}" if approximate else ""
+    print(f"the same robot in {', '.join(names)}{but}")

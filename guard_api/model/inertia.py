@@ -17,6 +17,9 @@ Array = NDArray[np.float64]
 ROUNDING = 1e-9
 """Relative violation of the triangle inequality that is put down to the digits of a file."""
 
+UNIT_INERTIA: Matrix3 = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+"""What readers go on with in the place of an inertia that they refused, so that one fault is reported once."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MassProperties:

@@ -11,7 +11,7 @@ from functools import cache
 from pathlib import Path
 
 from guard_api import plugins
-from guard_api.errors import PluginError, unknown_name
+from guard_api.errors import PluginError, SpecError, unknown_name
 from guard_api.model.reader import MJCF_SUFFIX, SIDE_FILE, read_robot
 from guard_api.model.robot import RobotModel
 
@@ -42,14 +42,18 @@ def robot_files(name: str) -> list[Path]:
     return sorted(path for path in _robot_file(name).parent.rglob("*") if path.is_file())
 
 
+def side_file(name: str) -> Path:
+    """Return the side file of robot `name`."""
+    return _robot_file(name).parent / SIDE_FILE
+
+
 @cache
 def load_robot(name: str) -> RobotModel:
     """Return the robot `name`; it is read once per process.
 
-    Raises SpecError for an unknown name, with the nearest ones, and ModelError for files that cannot be used.
+    Raises SpecError for a file or an unknown name, with the nearest ones, and ModelError for files that cannot be used.
     """
-    file = _robot_file(name)
-    return read_robot(file, file.parent / SIDE_FILE, name=name)
+    return read_robot(_robot_file(name), side_file(name), name=name)
 
 
 def load_robot_file(file: Path, side_file: Path | None = None) -> RobotModel:
@@ -64,12 +68,20 @@ def load_robot_file(file: Path, side_file: Path | None = None) -> RobotModel:
 def _robot_file(name: str) -> Path:
     files = _robot_files()
     if name not in files:
+        if "/" in name or name.endswith(tuple(SUFFIXES.values())):
+            raise SpecError(
+                f"robot {name!r} is a file: name a robot (`guard list robots`); an entry point of the group "
+                "guard.robots gives your own a name, as in GUARD's examples/own_robot"
+            )
         raise unknown_name("robot", name, files)
     return files[name]
 
 
 def _robot_files() -> dict[str, Path]:
-    """Return robot name -> its URDF or MJCF over all roots. Raises PluginError for a name that two of them claim."""
+    """Return robot name -> its URDF or MJCF over all roots.
+
+    Raises PluginError for a name that two of them claim, and for a robot whose file is not called like its folder.
+    """
     roots = [shipped_root(), *(Path(plugins.load("guard.robots", name)()) for name in plugins.names("guard.robots"))]
     files: dict[str, Path] = {}
     for root in dict.fromkeys(root.resolve() for root in roots):
@@ -77,6 +89,7 @@ def _robot_files() -> dict[str, Path]:
             for folder in sorted((root / kind).glob("*")):
                 file = folder / f"{folder.name}{suffix}"
                 if not file.is_file():
+                    _check_no_robot(folder, file)
                     continue
                 if folder.name in files:
                     raise PluginError(
@@ -84,3 +97,12 @@ def _robot_files() -> dict[str, Path]:
                     )
                 files[folder.name] = file
     return files
+
+
+def _check_no_robot(folder: Path, expected: Path) -> None:
+    """Refuse a folder that holds a robot's files, but not the `expected` one; meshes, say, may stand beside robots."""
+    names = sorted(path.name for path in folder.glob("*"))
+    found = [name for name in names if name == SIDE_FILE or name.endswith(tuple(SUFFIXES.values()))]
+    if found:
+        place = f"{folder.parent.name}/<robot>/<robot>{expected.suffix}"
+        raise PluginError(f"no {expected.name} in {folder}, but {', '.join(found)}: a robot's file is {place}")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -89,7 +91,18 @@ def build_robot(tree: Tree, side: SideFile, problems: Problems) -> RobotModel:
         notes=tuple(problems.notes),
     )
     model = with_base(model, side)
-    return replace(model, notes=(*model.notes, *footing_notes(model)))
+    return replace(model, notes=(*model.notes, *footing_notes(model), *_lacking(model)))
+
+
+def _lacking(model: RobotModel) -> Iterator[str]:
+    """Yield a sentence on everything without which `model` can be built, but hardly be what was meant."""
+    if not model.actuators:
+        yield f"no [[actuators]]: nothing can move the robot, and no environment takes it; add them to {SIDE_FILE}"
+    if model.base == "floating" and not any(link.collisions for link in model.links):
+        yield "no link has a collision shape: the robot falls through the floor, for ever; add <collision>"
+    bounded = [joint.name for joint in model.joints if math.isfinite(joint.velocity_limit)]
+    if bounded:
+        yield f"velocity limits are not enforced ({', '.join(bounded)}): give damping or less effort where they matter"
 
 
 def _with_mass(link: TreeLink, side: SideFile, problems: Problems) -> TreeLink:

@@ -12,7 +12,7 @@ import numpy as np
 from guard_api import rotations
 from guard_api.model.element import Element, parse
 from guard_api.model.geometry import read_geometry
-from guard_api.model.inertia import MassProperties, as_vector, impossibility, moved
+from guard_api.model.inertia import UNIT_INERTIA, MassProperties, as_vector, impossibility, moved
 from guard_api.model.problems import Problems, did_you_mean
 from guard_api.model.robot import Visual
 from guard_api.model.tree import Tree, TreeCollision, TreeJoint, TreeJointKind, TreeLink
@@ -69,9 +69,10 @@ def _inertial(node: Element, link: str) -> MassProperties:
     mass = mass_node.number("value") if mass_node else 1.0
     if mass_node and mass <= 0.0:
         mass_node.error(f"link {link!r}: mass {mass:g} kg must be positive; a link without mass has no <inertial>")
+        mass = 1.0
     if mass_node and mass > HEAVIEST:
         mass_node.note(f"link {link!r} has a mass of {mass:g} kg: masses are in kilograms")
-    inertia = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    inertia = UNIT_INERTIA
     if inertia_node:
         xx, yy, zz = (inertia_node.number(name) for name in ("ixx", "iyy", "izz"))
         xy, xz, yz = (inertia_node.number(name, 0.0) for name in ("ixy", "ixz", "iyz"))
@@ -79,6 +80,7 @@ def _inertial(node: Element, link: str) -> MassProperties:
         reason = impossibility(inertia)
         if reason:
             inertia_node.error(f"link {link!r}: no rigid body has this inertia: {reason}")
+            inertia = UNIT_INERTIA
     return moved(MassProperties(mass=mass, com=(0.0, 0.0, 0.0), inertia=inertia), _origin(node))
 
 

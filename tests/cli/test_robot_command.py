@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from guard_api import plugins
 from guard_api.cli import conform_command, robot_command
 from guard_api.cli.main import run
 from guard_api.model.library import robot_files
+from guard_api.testing.conformance import ConformanceReport, check_robots
 from guard_api.viewer import sheet
 
 URDF = next(file for file in robot_files("point") if file.suffix == ".urdf")
@@ -89,8 +91,19 @@ def test_check_compares_the_installed_backends(capsys: pytest.CaptureFixture[str
     code, table, _ = guard(["robot", "check", str(URDF), "--backends", "ideal"], capsys)
     assert code == 0
     assert "mass matrix" in table
-    assert "the same robot in ideal" in table
+    assert "the same robot in ideal, but for the approximations above in ideal" in table
     assert "ideal: approximation: nothing touches anything" in table
+
+
+def test_check_is_unreserved_where_nothing_is_approximated(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def exact(*arguments: Any) -> ConformanceReport:
+        return replace(check_robots(*arguments), approximations={})
+
+    monkeypatch.setattr(robot_command, "check_robots", exact)
+    _, table, _ = guard(["robot", "check", "point", "--backends", "ideal"], capsys)
+    assert "the same robot in ideal\n" in table
 
 
 def test_check_lists_every_problem_of_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
 
-from guard_api import plugins
-from guard_api.errors import ModelError, PluginError
+from guard_api import plugins, suite
+from guard_api.cli import doctor_command, list_command
+from guard_api.env import make_environment
+from guard_api.errors import ModelError, PluginError, SpecError
 from guard_api.model import library
 from tests.model.files import link, robot
 
@@ -49,3 +52,52 @@ def test_a_robot_in_the_library_needs_its_side_file(plugin_root: Path) -> None:
     add(plugin_root, "bare", toml=None)
     with pytest.raises(ModelError, match=r"robot\.toml: cannot be read"):
         library.load_robot.__wrapped__("bare")
+
+
+def test_a_robot_in_a_folder_of_another_name_is_refused(plugin_root: Path) -> None:
+    add(plugin_root, "duo")
+    (plugin_root / "urdf" / "duo").rename(plugin_root / "urdf" / "typo")
+    with pytest.raises(
+        PluginError,
+        match=r"no typo\.urdf in .*/urdf/typo, but duo\.urdf, robot\.toml: a robot's file is",
+    ):
+        library.robot_names()
+
+
+@pytest.mark.parametrize("file", ["duo/duo.urdf", "duo.xml"])
+def test_a_file_in_the_place_of_a_name_is_told_what_to_do(file: str) -> None:
+    with pytest.raises(SpecError, match=rf"robot '{file}' is a file: .*guard\.robots"):
+        library.load_robot(file)
+
+
+def test_an_environment_needs_a_robot_that_can_act(plugin_root: Path) -> None:
+    add(plugin_root, "lump")
+    with pytest.raises(SpecError, match=r"robot 'lump' has no actuators.*\[\[actuators\]\] to .*/lump/robot\.toml"):
+        make_environment("Goal_Lump_8Hazards", backend="ideal")
+
+
+def test_a_broken_robot_is_a_row_among_the_others(
+    plugin_root: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    add(plugin_root, "heavy")
+    file = plugin_root / "urdf" / "heavy" / "heavy.urdf"
+    file.write_text(robot(link("body", mass=-0.2)))
+    problem = f"{file}:2: link 'body': mass -0.2 kg must be positive"
+    assert list_command.main(["robots", "--json"]) == 0
+    listed = {row["name"]: row for row in json.loads(capsys.readouterr().out)}
+    assert listed["heavy"]["note"].startswith(problem)
+    assert (listed["point"]["actions"], listed["point"]["note"]) == (2, "")
+
+    monkeypatch.setattr(suite, "term_names", lambda kind: {"task": ["Goal"], "constraint": ["Hazards"]}[kind])
+    assert list_command.main(["envs", "--json"]) == 0
+    robots = {row["robot"] for row in json.loads(capsys.readouterr().out)}
+    assert "point" in robots
+    assert "heavy" not in robots
+
+    for other in ("_backends", "_algorithms"):
+        monkeypatch.setattr(doctor_command, other, list)
+    assert doctor_command.main(["--json"]) == 1
+    states = {row["what"]: row for row in json.loads(capsys.readouterr().out)}
+    assert states["robot heavy"]["state"] == "broken"
+    assert states["robot heavy"]["note"].startswith(problem)
+    assert states["robots"]["note"] == f"{len(listed) - 1} can be read"

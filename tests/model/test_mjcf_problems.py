@@ -131,6 +131,10 @@ FAULTS = {
         file(*['<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'] * 2),
         "r.xml:5: body 'a' has more than one <inertial>",
     ),
+    "negative inertia": (
+        file('<inertial pos="0 0 0" mass="1" diaginertia="-1 1 1"/>'),
+        "r.xml:4: body 'a': no rigid body has this inertia",
+    ),
     "impossible inertia": (
         file('<inertial pos="0 0 0" mass="1" diaginertia="1 1 3"/>'),
         "r.xml:4: body 'a': no rigid body has this inertia",

@@ -156,6 +156,14 @@ def test_a_faulty_urdf(case: str, tmp_path: Path) -> None:
     assert all(line.startswith("r.urdf") for line in lines)
 
 
+@pytest.mark.parametrize("faulty", ['mass="-0.2" i="1"', 'mass="1" i="-1"'])
+def test_a_refused_inertial_is_one_problem(faulty: str, tmp_path: Path) -> None:
+    mass, moment = (word.split("=")[1].strip('"') for word in faulty.split())
+    body = inertial(mass, (moment, "1", "1")).replace("</link>", f"{BALL}</link>").replace('"a"', '"b"')
+    (line,) = complaint(tmp_path, robot(A, body, hinge()))
+    assert line.startswith("r.urdf:3: link 'b': ")
+
+
 def test_meshes_that_cannot_be_used(tmp_path: Path) -> None:
     (tmp_path / "rubbish.stl").write_bytes(b"\x00\x01rubbish")
     (tmp_path / "flat.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")

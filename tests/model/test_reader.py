@@ -268,3 +268,25 @@ def test_another_reader_puts_the_links_in_the_same_places(model: RobotModel, see
         T = other.get_transform(name, model.root)
         np.testing.assert_allclose(T[:3, 3], position, rtol=0, atol=1e-12)
         np.testing.assert_allclose(T[:3, :3], R, rtol=0, atol=1e-12)
+
+
+FALL = "no link has a collision shape: the robot falls through the floor"
+IDLE = "no [[actuators]]: nothing can move the robot"
+MOTOR = '[[actuators]]\nname = "m"\nlaw = "effort"\njoint = "j"\n'
+
+
+def test_what_a_robot_lacks_to_be_of_use_is_noted(tmp_path: Path) -> None:
+    def noted(beginning: str, ball: str, base: str, motor: str = "", rest: str = "") -> bool:
+        hinge = joint("j", "continuous", "a", "b", Z + rest)
+        notes = load(tmp_path, link("a", ball), link("b"), hinge, toml=f"base.kind = '{base}'\n{motor}").notes
+        return any(note.startswith(beginning) for note in notes)
+
+    ball = '<collision><geometry><sphere radius="0.1"/></geometry></collision>'
+    assert noted(FALL, "", "floating")
+    assert not noted(FALL, ball, "floating")
+    assert not noted(FALL, "", "fixed")
+    assert noted(IDLE, ball, "fixed")
+    assert not noted(IDLE, ball, "fixed", MOTOR)
+    slow = "velocity limits are not enforced (j)"
+    assert noted(slow, ball, "fixed", MOTOR, rest='<limit effort="1" velocity="2"/>')
+    assert not noted(slow, ball, "fixed", MOTOR, rest='<limit effort="1"/>')

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from guard_api.model.element import Element
-from guard_api.model.inertia import MassProperties, combined, impossibility, moved
+from guard_api.model.inertia import UNIT_INERTIA, MassProperties, combined, impossibility, moved
 from guard_api.model.merge import compose
 from guard_api.model.mjcf.document import Document
 from guard_api.model.mjcf.geoms import Geom, mass_properties
@@ -25,6 +25,7 @@ def read_inertial(node: Element, body: str, frame: Pose, document: Document) -> 
     reason = impossibility(inertia)
     if reason:
         node.error(f"body {body!r}: no rigid body has this inertia: {reason}")
+        inertia = UNIT_INERTIA
     part = MassProperties(mass=mass, com=ORIGIN, inertia=inertia)
     return moved(part, compose(frame, read_pose(node, document.compiler)))
 
