@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Final, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from guard_api.errors import unknown_name
+from guard_api.errors import PluginError, unknown_name
 
 if TYPE_CHECKING:
     from guard_api.env import Environment
@@ -24,6 +24,18 @@ if TYPE_CHECKING:
 
 CHANGES_NO_NUMBER: Final = {"changes_no_number": True}
 """`metadata` of an option's field that decides how fast or how often something is done, and no result."""
+
+ROW: Final = {
+    "epoch": "its number, from 1",
+    "total_steps": "environment steps so far, over all worlds",
+    "return_mean": "of the episodes that finished in the epoch",
+    "cost_mean": "their undiscounted cost, summed over the constraints",
+    "cost_rate": "cost per step of the whole training so far",
+    "violation_rate": "share of the epoch's steps with any cost",
+    "success_mean": "goals achieved in an episode",
+    "steps_per_second": "of the epoch, rollout and update",
+}
+"""Columns that every metrics row holds, because tables and curves read them; an algorithm adds its own."""
 
 
 @runtime_checkable
@@ -49,7 +61,7 @@ class TrainingJob:
 
     env: the batched environment; run: where results go; config: an instance of the algorithm's `config_type`.
     total_steps: environment steps over all worlds, rounded up to whole epochs. seed: of network, sampling and layouts.
-    resume: continue from the last checkpoint of `run`. report: called after every epoch with its metrics row.
+    resume: continue from the last checkpoint of `run`. report: called after every epoch with its metrics row (`ROW`).
     should_stop: asked after every epoch; when true the training leaves a checkpoint and returns.
     """
 
@@ -77,6 +89,14 @@ class Algorithm(Protocol):
     def load_policy(self, checkpoint: Path) -> Policy:
         """Load the policy of one checkpoint. Raises RunError when it is corrupt or another algorithm's."""
         ...
+
+
+def check_row(algorithm: str, row: Mapping[str, float]) -> None:
+    """Raise PluginError for a metrics row that lacks columns of `ROW`."""
+    missing = [name for name in ROW if name not in row]
+    if missing:
+        names = ", ".join(missing)
+        raise PluginError(f"algorithm {algorithm}: its metrics rows lack {names}: log all of guard_api.algorithm.ROW")
 
 
 def deciding_names(config: Any) -> list[str]:

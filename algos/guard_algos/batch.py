@@ -27,7 +27,8 @@ class Batch:
     """One epoch's M = T N samples, time by time, float32.
 
     observation: (M, O). action: (M, A). mean, log_prob: (M, A), (M,) of the policy that acted.
-    reward_advantage: (M,), zero mean and unit variance. cost_advantages: (M, K), zero mean, in the unit of the cost.
+    reward_advantage: (M,), zero mean and unit variance. cost_advantages: (M, K), zero mean, in the unit of the cost; 0
+    for a cost that did not occur at all.
     targets: (M, 1 + K), discounted reward and costs to go. reward_advantage_std: before it was scaled away.
     margins: (K,), how far each constraint is exceeded (`margins`).
     """
@@ -62,6 +63,7 @@ def make_batch(
     targets = value + gae.advantages(signal, value, next_value, rollout.ended, config.gamma, 1.0)
     flat = estimates.reshape(-1, signal.shape[-1])
     flat -= flat.mean(axis=0)
+    flat[:, ~signal.any(axis=(0, 1))] = 0.0  # of what did not occur there is nothing to learn but a critic's error
     std = float(flat[:, 0].std())
     mean = policy.means(theta, observation, pool)
     episodes = finished(rollout, constraints)

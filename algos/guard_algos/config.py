@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
+from math import inf, isnan
 from typing import Any, Final
 
 from guard_api.algorithm import CHANGES_NO_NUMBER, Preset
@@ -55,6 +56,9 @@ class OnPolicyConfig:
 
     def __post_init__(self) -> None:
         """Refuse values that mean nothing."""
+        for option in fields(self):
+            value = getattr(self, option.name)
+            _require(self, option.name, not isinstance(value, float) or not isnan(value), "must be a number")
         for name in (
             "steps_per_epoch",
             "backtrack_steps",
@@ -65,11 +69,12 @@ class OnPolicyConfig:
         ):
             _require(self, name, getattr(self, name) >= 1, "must be at least 1")
         for name in ("target_kl", "value_learning_rate"):
-            _require(self, name, getattr(self, name) > 0, "must be positive")
+            _require(self, name, 0 < getattr(self, name) < inf, "must be positive and finite")
         for name in ("gamma", "gae_lambda"):
             _require(self, name, 0 <= getattr(self, name) <= 1, "must lie in [0, 1]")
         for name in ("value_iterations", "cg_tolerance", "cg_damping"):
             _require(self, name, getattr(self, name) >= 0, "must not be negative")
+        _require(self, "initial_log_std", abs(self.initial_log_std) < inf, "must be finite")
         _require(self, "backtrack_factor", 0 < self.backtrack_factor < 1, "must lie between 0 and 1")
         _require(self, "hidden", all(width >= 1 for width in self.hidden), "must hold positive widths")
 

@@ -58,12 +58,12 @@ def whole_steps(total_steps: float) -> int:
 
 
 def _flag(argv: Sequence[str], flag: str, default: str) -> str:
-    """Return the value of `flag` in `argv`, or `default`. Raises SpecError when its value is missing."""
-    for i, word in enumerate(argv):
-        if word == flag:
+    """Return the value of the last `flag` in `argv`, or `default`. Raises SpecError when its value is missing."""
+    for i in reversed(range(len(argv))):
+        if argv[i] == flag:
             if i + 1 == len(argv):
                 raise SpecError(f"{flag} needs a value")
             return argv[i + 1]
-        if word.startswith(flag + "="):
-            return word.removeprefix(flag + "=")
+        if argv[i].startswith(flag + "="):
+            return argv[i].removeprefix(flag + "=")
     return default

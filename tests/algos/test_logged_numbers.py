@@ -96,8 +96,9 @@ class Check:
 
     @cached_property
     def cost_advantage(self) -> np.ndarray:
-        raw = self.estimate("cost_value_cost", self.epoch.batch.rollout.costs.sum(axis=2), 0.8)[0].ravel()
-        return raw - raw.mean()
+        costs = self.epoch.batch.rollout.costs.sum(axis=2)
+        raw = self.estimate("cost_value_cost", costs, 0.8)[0].ravel()
+        return (raw - raw.mean()) * costs.any()  # of a cost that did not occur, nothing is estimated
 
     def ratio(self, policy: Gaussian) -> np.ndarray:
         log_probs = [one.log_prob(self.observation, self.action) for one in (policy, self.old)]
@@ -218,7 +219,7 @@ def test_a_search_that_fails_keeps_the_policy_and_counts_all_trials(recordings: 
 def residuals(check: Check) -> list[float]:
     """Return the relative residual of each linear system of the update, by its matrix written out."""
     A = check.old.fisher(check.observation) + 0.01 * np.eye(len(check.old.theta))
-    return [float(np.linalg.norm(A @ x - b) / np.linalg.norm(b)) for b, x in check.epoch.solves]
+    return [float(np.linalg.norm(A @ x - b) / max(np.linalg.norm(b), 1e-300)) for b, x in check.epoch.solves]
 
 
 def test_residual_is_that_of_the_linear_system(checks: list[Check]) -> None:
@@ -232,7 +233,7 @@ def test_residual_of_several_systems_is_the_largest(recordings: Recordings) -> N
     for check in recordings("cpo", cost_limit=0.0, cost_limits={"line": 0.2, "spare": 1.0}):
         largest.add(int(np.argmax(residuals(check))))
         assert check.row["cg_residual"] == pytest.approx(max(residuals(check)), rel=1e-3)
-    assert len(largest) > 1  # neither the first nor the last alone would have passed
+    assert largest - {0} and largest - {2}  # neither the first nor the last alone would have passed
 
 
 def test_losses_are_the_critics_mean_squared_errors_before_and_after_the_fit(checks: list[Check]) -> None:

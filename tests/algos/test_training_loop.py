@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from guard_algos import cpo, pcpo, trpo, trpo_fac, trpo_ipo, trpo_lagrangian
+from guard_algos import cpo, pcpo, trpo, trpo_fac, trpo_ipo, trpo_lagrangian, trpo_sl, trpo_usl
 from guard_algos.checkpoint import read
 from guard_algos.config import OnPolicyConfig
 from guard_api.errors import GuardError, RunError, SpecError
@@ -193,7 +194,7 @@ def test_a_number_that_is_not_finite_ends_the_training_with_the_last_checkpoint_
         (cpo.CpoConfig(cost_limits={"hazard": 1.0}), 100, "did you mean hazards"),
         (cpo.CpoConfig(cost_limits={"hazards": -1.0}), 100, "'hazards' = -1.0"),
         (cpo.CpoConfig(cost_limit=-0.1), 100, "'cost' = -0.1"),
-        (cpo.CpoConfig(cost_limit=float("nan")), 100, "'cost' = nan"),
+        (cpo.CpoConfig(cost_limits={"hazards": float("nan")}), 100, "'hazards' = nan"),
         (cpo.CpoConfig(cost_limit=1.0, cost_limits={"hazards": 1.0}), 100, "set only one"),
         (cpo.CpoConfig(), 0, "total_steps = 0"),
     ],
@@ -212,6 +213,29 @@ def test_what_does_not_fit_is_refused_in_one_line(tmp_path: Path, config: Any, t
 def test_options_that_mean_nothing_are_refused(options: dict[str, Any]) -> None:
     with pytest.raises(SpecError, match=next(iter(options))):
         OnPolicyConfig(**options)
+
+
+@pytest.mark.parametrize("module", [cpo, trpo, trpo_fac, trpo_ipo, trpo_lagrangian, trpo_sl, trpo_usl])
+def test_no_option_takes_nan(module: Any) -> None:
+    config_type = module.algorithm.config_type
+    numbers = [f.name for f in dataclasses.fields(config_type) if "float" in str(f.type) and "dict" not in str(f.type)]
+    assert "initial_log_std" in numbers
+    for name in numbers:
+        with pytest.raises(SpecError, match=f"{name} = nan: must be a number"):
+            config_type(**{name: np.nan})
+
+
+@pytest.mark.parametrize("module", [cpo, pcpo])
+def test_where_no_cost_occurs_the_step_is_that_of_trpo(tmp_path: Path, module: Any) -> None:
+    rows = {}
+    for method in (trpo, module):
+        env, folder = Bandit(10, 20, {"a": 0.0, "b": 0.0}, 0), tmp_path / method.algorithm.name
+        train(method.algorithm, env, folder, method.algorithm.config_type(**SMALL), 1000)
+        rows[method] = RunDirectory.open(folder).rows()
+    for row, expected in zip(rows[module], rows[trpo], strict=True):
+        assert row["line_search_steps"] == expected["line_search_steps"]
+        for name in ("surrogate_improvement", "kl", "entropy"):
+            assert row[name] == pytest.approx(expected[name], rel=1e-4)
 
 
 def test_resume_refuses_another_job(tmp_path: Path) -> None:

@@ -50,6 +50,7 @@ class ToyAlgorithm:
                 "total_steps": 100 * epoch,
                 "return_mean": float(strength[0]),
                 "cost_mean": 1.0 / epoch,
+                **dict.fromkeys(("cost_rate", "violation_rate", "success_mean", "steps_per_second"), 0.0),
             }
             job.run.log(row)
             job.run.save_checkpoint(epoch, {"strength": strength}, {"epoch": epoch})
