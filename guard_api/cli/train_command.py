@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,7 +18,7 @@ from guard_api.cli.options import parse_with_algorithm, whole_steps
 from guard_api.cli.output import print_json, print_table
 from guard_api.errors import RunError
 from guard_api.measure.diagnosis import Finding
-from guard_api.measure.training import Training, train
+from guard_api.measure.training import Training, is_trained, train
 from guard_api.runs.directory import RunDirectory
 from guard_api.suite import make_spec
 
@@ -69,8 +70,17 @@ def main(argv: Sequence[str]) -> int:
         preset=_preset(options, algorithm),
     )
     _check_folder(options.out, options.resume)
-    finished = _train(training, options.workers, quiet=options.json)
-    _print_summary(RunDirectory.open(options.out), options.json)
+    words = sys.stderr if options.json else sys.stdout  # the output is JSON
+    before = is_trained(training)
+    steps = _whole_epochs(training)
+    if steps > training.total_steps and not before:
+        rounded = f"rounded up to whole epochs of --steps-per-epoch {options.algorithm.steps_per_epoch:,}"
+        print(f"trains {steps:,} steps, not {training.total_steps:,}: {rounded}", file=words)
+    finished = _train(training, options.workers, steps, quiet=options.json)
+    run = RunDirectory.open(options.out)
+    if before:
+        print(f"{options.out}: already trained for {run.rows()[-1]['total_steps']:,.0f} steps", file=words)
+    _print_summary(run, options.json)
     if not finished:
         raise KeyboardInterrupt
     return 0
@@ -94,7 +104,17 @@ def _check_folder(out: Path, resume: bool) -> None:
         raise RunError(f"{out}: exists and is not empty: choose another folder, or resume the run with --resume")
 
 
-def _train(training: Training, workers: int | None, quiet: bool) -> bool:
+def _whole_epochs(training: Training) -> int:
+    """Return the steps that are trained: whole epochs, each of whole episodes of all worlds."""
+    steps = getattr(training.config, "steps_per_epoch", None)
+    if steps is None or training.num_worlds < 1:  # other epochs, or no worlds, which the backend refuses
+        return training.total_steps
+    round_ = training.num_worlds * training.spec.episode_length
+    epoch = math.ceil(steps / round_) * round_
+    return math.ceil(training.total_steps / epoch) * epoch
+
+
+def _train(training: Training, workers: int | None, steps: int, quiet: bool) -> bool:
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -104,7 +124,7 @@ def _train(training: Training, workers: int | None, quiet: bool) -> bool:
         TimeRemainingColumn(),
     )
     with stop_request() as stop, Progress(*columns, disable=quiet) as progress:
-        bar = progress.add_task(f"{training.algorithm} on {training.backend}", total=training.total_steps, metrics="")
+        bar = progress.add_task(f"{training.algorithm} on {training.backend}", total=steps, metrics="")
 
         def report(row: Mapping[str, float]) -> None:
             metrics = f"return {row['return_mean']:.2f}  cost {row['cost_mean']:.2f}  {row['steps_per_second']:,.0f}/s"

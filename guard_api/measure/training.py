@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
 
 from guard_api import plugins
-from guard_api.algorithm import TrainingJob, deciding_options
+from guard_api.algorithm import TrainingJob, check_row, deciding_options
 from guard_api.env import make_environment
 from guard_api.errors import RunError
 from guard_api.measure.diagnosis import Finding, cost_limits, diagnose, from_jsonl, to_jsonl
@@ -25,8 +24,8 @@ FINISHED: Final = "finished.json"
 DIAGNOSIS: Final = "diagnosis.jsonl"
 """What went wrong in a run, one finding per line; missing where nothing did."""
 
-_DECIDERS: Final = ("spec_fingerprint", "assets", "backend", "algorithm", "seed", "num_worlds")
-"""What of a manifest must agree for a training to go on."""
+_DECIDERS: Final = {"backend": "--backend", "algorithm": "--algo", "seed": "--seed", "num_worlds": "--num-worlds"}
+"""What of a manifest must agree for a training to go on, beside environment and robot -> its option."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,11 +89,11 @@ def train(
         workers=workers,
     )
     try:
-        run, resume = _open(training)
-        with contextlib.closing(run):
+        with _opened(training) as (run, resume):
             doctor = _Doctor(run, cost_limits(training.config), env.action_size, warn)
 
             def after_epoch(row: Mapping[str, float]) -> None:
+                check_row(training.algorithm, row)
                 doctor.look()
                 report(row)
 
@@ -143,18 +142,38 @@ class _Doctor:
                 self._warn(finding)
 
 
+@contextlib.contextmanager
+def _opened(training: Training) -> Iterator[tuple[RunDirectory, bool]]:
+    """Open the run directory for the block, with whether it can be resumed.
+
+    One that was made here is deleted where the training fails before its first row, as when the algorithm refuses its
+    options: the corrected command shall find the folder free.
+    """
+    made = not (training.path.exists() and any(training.path.iterdir()))
+    run, resume = _open(training)
+    with contextlib.closing(run):
+        try:
+            yield run, resume
+        except Exception:
+            if made and not run.rows() and run.last_checkpoint() is None:
+                run.delete()
+            raise
+
+
 def _open(training: Training) -> tuple[RunDirectory, bool]:
-    """Return the run directory and whether it can be resumed; one without a checkpoint holds nothing to keep."""
-    path, manifest = training.path, _manifest(training)
-    if path.exists() and any(path.iterdir()):
-        run = RunDirectory.open(path)
-        if run.rows() or run.last_checkpoint() is not None:  # otherwise its first start was refused
-            _check(training, run, manifest)
-        if run.last_checkpoint() is not None:
-            (path / FINISHED).unlink(missing_ok=True)  # of fewer steps
-            return run, True
-        shutil.rmtree(path)
-    return RunDirectory.create(path, manifest=manifest, config=asdict(training.config)), False
+    """Return the run directory and whether it can be resumed; without a checkpoint it begins anew."""
+    path, manifest, config = training.path, _manifest(training), asdict(training.config)
+    if not (path.exists() and any(path.iterdir())):
+        return RunDirectory.create(path, manifest=manifest, config=config), False
+    run = RunDirectory.open(path)
+    resume = run.last_checkpoint() is not None
+    if resume or run.rows():  # otherwise it never began
+        _check(training, run, manifest)
+    (path / FINISHED).unlink(missing_ok=True)  # of fewer steps
+    if resume:
+        return run, True
+    (path / DIAGNOSIS).unlink(missing_ok=True)
+    return run.restart(manifest=manifest, config=config), False
 
 
 def _manifest(training: Training) -> dict[str, Any]:
@@ -171,12 +190,24 @@ def _manifest(training: Training) -> dict[str, Any]:
 
 def _check(training: Training, run: RunDirectory, manifest: Mapping[str, Any]) -> None:
     """Raise RunError where `run` is not one of this training; options that change no number may differ."""
-    remedy = "go on with the options it was made with, or choose another folder"
-    for key in _DECIDERS:
+    remedy = f"go on with the options of `{run.manifest.get('command')}`, or choose another folder"
+    for key in ("spec_fingerprint", "assets"):
+        if run.manifest.get(key) != manifest[key]:
+            raise RunError(f"{run.path}: was made with {_environment(run.manifest, manifest, key)}: {remedy}")
+    for key, flag in _DECIDERS.items():
         if run.manifest.get(key) != manifest[key]:
             found = run.manifest.get(key)
-            raise RunError(f"{run.path}: was made with {key} = {found!r}, not {manifest[key]!r}: {remedy}")
+            raise RunError(f"{run.path}: was made with {flag} {found!r}, not {manifest[key]!r}: {remedy}")
     for key, value in deciding_options(training.config).items():
         if run.config.get(key) != value:
             flag, found = f"--{key.replace('_', '-')}", run.config.get(key)
             raise RunError(f"{run.path}: was made with {flag} {found!r}, not {value!r}: {remedy}")
+
+
+def _environment(old: Mapping[str, Any], new: Mapping[str, Any], key: str) -> str:
+    """Return how the environment of the manifest `old` differs from that of `new`."""
+    if key == "assets":
+        return f"other files of the robot of {new['env']}"
+    if old.get("env") != new["env"]:
+        return f"--env {old.get('env')}, not {new['env']}"
+    return f"another specification of --env {new['env']}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,8 @@ TENSORS_FILE = "tensors.safetensors"
 STATE_FILE = "state.json"
 FORMAT = "guard-checkpoint-1"
 
-_REMEDY = "delete this checkpoint to go on from the one before it, or train again"
+NUMBERED = re.compile(r"\d{6,}")
+"""Names of the folders of checkpoints that can be resumed: their epoch."""
 
 
 def save_checkpoint(path: Path, tensors: Mapping[str, np.ndarray], state: Mapping[str, Any]) -> None:
@@ -50,24 +52,36 @@ def load_checkpoint(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     path = Path(path)
     if not path.is_dir():
         raise RunError(f"{path}: no such checkpoint: name a folder under checkpoints/ of a run")
-    envelope = read_json(path / STATE_FILE, _REMEDY)
+    remedy = _remedy(path)
+    envelope = read_json(path / STATE_FILE, remedy)
     if envelope.get("format") != FORMAT:
         found = envelope.get("format")
         raise RunError(f"{path / STATE_FILE}: format {found!r} is not {FORMAT!r}: it is not a checkpoint of this GUARD")
     state = envelope.get("state")
     if not isinstance(state, dict) or envelope.get("state_sha256") != _state_digest(state):
-        raise RunError(f"{path / STATE_FILE}: corrupt (its SHA-256 does not match): {_REMEDY}")
+        raise RunError(f"{path / STATE_FILE}: corrupt (its SHA-256 does not match): {remedy}")
     file = path / TENSORS_FILE
     try:
         data = file.read_bytes()
     except OSError as error:
-        raise RunError(f"{file}: cannot be read ({error.strerror}): {_REMEDY}") from error
+        raise RunError(f"{file}: cannot be read ({error.strerror}): {remedy}") from error
     if hashlib.sha256(data).hexdigest() != envelope.get("tensors_sha256"):
-        raise RunError(f"{file}: corrupt (its SHA-256 does not match {STATE_FILE}): {_REMEDY}")
+        raise RunError(f"{file}: corrupt (its SHA-256 does not match {STATE_FILE}): {remedy}")
     try:
         return load(data), state
     except SafetensorError as error:
-        raise RunError(f"{file}: not a safetensors file ({error}): {_REMEDY}") from error
+        raise RunError(f"{file}: not a safetensors file ({error}): {remedy}") from error
+
+
+def _remedy(path: Path) -> str:
+    """Return what to do where the checkpoint `path` is damaged: it depends on those beside it."""
+    if not NUMBERED.fullmatch(path.name):
+        return "use another checkpoint, or train again"
+    others = [other for other in path.absolute().parent.iterdir() if NUMBERED.fullmatch(other.name)]
+    earlier = [other.name for other in others if int(other.name) < int(path.name)]
+    if not earlier:
+        return "there is no checkpoint before it, so train again into another folder"
+    return f"delete the folder {path} to go on from checkpoint {max(earlier, key=int)}, or train again"
 
 
 def _state_digest(state: Mapping[str, Any]) -> str:

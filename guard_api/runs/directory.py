@@ -5,7 +5,7 @@ These are `manifest.json` and `config.json`; `progress.csv` and TensorBoard even
 
 from __future__ import annotations
 
-import re
+import contextlib
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,7 +15,7 @@ import numpy as np
 
 from guard_api.errors import RunError
 from guard_api.runs.atomic import disk_errors, read_json, write_folder, write_json
-from guard_api.runs.checkpoint import save_checkpoint
+from guard_api.runs.checkpoint import NUMBERED, save_checkpoint
 from guard_api.runs.progress import ProgressLog
 from guard_api.runs.tensorboard import EventLog
 
@@ -71,6 +71,36 @@ class RunDirectory:
             raise RunError(f"{path / 'manifest.json'}: format {found!r} is not {FORMAT!r}: not a run of this GUARD")
         return cls(path, manifest, read_json(path / "config.json", remedy))
 
+    def restart(self, *, manifest: Mapping[str, Any], config: Mapping[str, Any]) -> RunDirectory:
+        """Begin the run anew in its folder and return it; files that a run does not write stay as they are."""
+        self._delete_results()
+        whole = {"format": FORMAT, **manifest}
+        write_json(self.path / "config.json", dict(config))
+        write_json(self.path / "manifest.json", whole)
+        return RunDirectory(self.path, whole, dict(config))
+
+    def delete(self) -> None:
+        """Delete the files that a run writes, and the folder where nothing else is in it."""
+        self._delete_results()
+        with disk_errors(self.path):
+            for name in ("config.json", "manifest.json"):
+                (self.path / name).unlink(missing_ok=True)
+            with contextlib.suppress(OSError):  # holds a file of the user
+                self.path.rmdir()
+
+    def _delete_results(self) -> None:
+        """Delete log, events and checkpoints."""
+        self.close()
+        checkpoints = self.path / "checkpoints"
+        with disk_errors(self.path):
+            for file in (self.path / "progress.csv", *self.path.glob("events.out.tfevents.*")):
+                file.unlink(missing_ok=True)
+            for folder in (*self.checkpoints(), checkpoints / BEST, *checkpoints.glob(".*.tmp")):
+                if folder.is_dir():
+                    shutil.rmtree(folder)
+            if checkpoints.is_dir() and not any(checkpoints.iterdir()):
+                checkpoints.rmdir()
+
     def log(self, row: Mapping[str, float]) -> None:
         """Append one row, with the keys `epoch` and `total_steps`, to progress.csv and the TensorBoard events."""
         missing = {"epoch", "total_steps"} - row.keys()
@@ -119,7 +149,7 @@ class RunDirectory:
         folder = self.path / "checkpoints"
         if not folder.is_dir():
             return []
-        found = (path for path in folder.iterdir() if re.fullmatch(r"\d{6,}", path.name))
+        found = (path for path in folder.iterdir() if NUMBERED.fullmatch(path.name))
         return sorted(found, key=lambda path: int(path.name))
 
     def last_checkpoint(self) -> Path | None:

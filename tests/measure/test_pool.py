@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from guard_api.errors import RunError
+from guard_api.errors import RunError, SpecError
 from guard_api.measure import training as module
 from guard_api.measure.pool import train_all
 from guard_api.measure.training import Training, is_trained
+from guard_api.runs.directory import RunDirectory
 from tests.measure.conftest import EPOCHS, SPEC, ToyConfig
 
 
@@ -77,8 +79,10 @@ def test_a_stop_ends_all_and_the_same_call_goes_on(toy, tmp_path: Path):
     ("changes", "words"),
     [
         ({"config": ToyConfig(ambition=2.0)}, "--ambition 1.5, not 2.0"),
-        ({"num_worlds": 3}, "num_worlds = 2, not 3"),
-        ({"seed": 7, "path": "seed0"}, "seed = 0, not 7"),
+        ({"num_worlds": 3}, "--num-worlds 2, not 3"),
+        ({"seed": 7, "path": "seed0"}, "--seed 0, not 7"),
+        ({"spec": replace(SPEC, name="Push_Toy")}, "--env Goal_Toy_0Hazards, not Push_Toy"),
+        ({"spec": replace(SPEC, episode_length=30)}, "another specification of --env Goal_Toy_0Hazards"),
     ],
 )
 def test_the_run_of_another_training_is_refused(toy, tmp_path: Path, changes, words: str):
@@ -96,3 +100,45 @@ def test_a_run_directory_without_the_mark_is_adopted(toy, tmp_path: Path):
     assert train_all([training], lambda *_: None, never)
     assert not toy.algorithm.log
     assert json.loads((training.path / module.FINISHED).read_text()) == {"checkpoint": "000004", "total_steps": 400}
+
+
+def test_a_run_without_a_checkpoint_begins_anew_and_the_user_s_files_stay(toy, tmp_path: Path):
+    training = make(tmp_path)
+    RunDirectory.create(training.path, manifest={"seed": 5}, config={}).close()
+    (training.path / "notes.txt").write_text("mine")
+    (training.path / module.DIAGNOSIS).write_text("{}")
+    assert train_all([training], lambda *_: None, never)
+    assert (training.path / "notes.txt").read_text() == "mine"
+    assert RunDirectory.open(training.path).manifest["seed"] == 0
+    assert not (training.path / module.DIAGNOSIS).exists()
+
+
+def refuse(job) -> bool:
+    raise SpecError("set a limit above 0")
+
+
+def test_a_training_that_never_began_leaves_nothing(toy, tmp_path: Path, monkeypatch):
+    training = make(tmp_path)
+    monkeypatch.setattr(toy.algorithm, "train", refuse)
+    with pytest.raises(SpecError, match="limit"):
+        train_all([training], lambda *_: None, never)
+    assert not training.path.exists()
+
+
+def test_one_that_began_keeps_its_run_when_it_fails(toy, tmp_path: Path, monkeypatch):
+    training = make(tmp_path)
+    assert not train_all([training], lambda *_: None, lambda: True)
+    monkeypatch.setattr(toy.algorithm, "train", refuse)
+    with pytest.raises(SpecError, match="limit"):
+        train_all([training], lambda *_: None, never)
+    assert RunDirectory.open(training.path).last_checkpoint() is not None
+
+
+def test_a_folder_that_was_there_stays_a_run_when_the_training_is_refused(toy, tmp_path: Path, monkeypatch):
+    training = make(tmp_path)
+    RunDirectory.create(training.path, manifest={}, config={}).close()
+    (training.path / "notes.txt").write_text("mine")
+    monkeypatch.setattr(toy.algorithm, "train", refuse)
+    with pytest.raises(SpecError, match="limit"):
+        train_all([training], lambda *_: None, never)
+    assert {file.name for file in training.path.iterdir()} == {"notes.txt", "manifest.json", "config.json"}

@@ -156,11 +156,43 @@ def test_damage_to_any_byte_is_noticed(tmp_path: Path):
             if damaged == data:
                 continue
             file.write_bytes(damaged)
-            with pytest.raises(RunError, match=r"(tensors|state).*: delete this checkpoint|not a checkpoint"):
+            with pytest.raises(RunError, match=r"(tensors|state).*train again|not a checkpoint"):
                 load_checkpoint(tmp_path / "c")
         file.unlink()
         with pytest.raises(RunError, match=name):
             load_checkpoint(tmp_path / "c")
+
+
+def test_the_remedy_for_damage_names_the_checkpoint_before(run: RunDirectory):
+    for epoch in (9, 10):
+        path = run.save_checkpoint(epoch, TENSORS, STATE)
+        (path / TENSORS_FILE).write_bytes(b"")
+    with pytest.raises(RunError, match=r"delete the folder .*000010 to go on from checkpoint 000009"):
+        load_checkpoint(run.path / "checkpoints" / "000010")
+    with pytest.raises(RunError, match="no checkpoint before it"):
+        load_checkpoint(run.path / "checkpoints" / "000009")
+    (run.save_best(TENSORS, STATE) / STATE_FILE).write_text("{")
+    with pytest.raises(RunError, match="use another checkpoint"):
+        load_checkpoint(run.path / "checkpoints" / "best")
+
+
+def test_restart_and_delete_leave_the_files_of_the_user(run: RunDirectory):
+    def leave_results(run: RunDirectory) -> None:
+        run.log({"epoch": 1, "total_steps": 10})
+        run.save_best(TENSORS, STATE)
+        run.save_checkpoint(1, TENSORS, STATE)
+
+    leave_results(run)
+    (run.path / "notes.txt").write_text("mine")
+    again = run.restart(manifest={"seed": 1}, config={"gamma": 0.5})
+    assert {file.name for file in run.path.iterdir()} == {"notes.txt", "manifest.json", "config.json"}
+    assert RunDirectory.open(run.path).manifest == again.manifest == {"format": "guard-run-1", "seed": 1}
+    leave_results(again)
+    again.delete()
+    assert [file.name for file in run.path.iterdir()] == ["notes.txt"]
+    (run.path / "notes.txt").unlink()
+    RunDirectory.create(run.path, manifest={}, config={}).delete()
+    assert not run.path.exists()
 
 
 def test_a_foreign_checkpoint_is_refused(tmp_path: Path):

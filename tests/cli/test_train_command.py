@@ -1,0 +1,51 @@
+"""`guard train`: what it says of steps that are rounded up, of finished runs and of options that are refused."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import sys
+from pathlib import Path
+
+import pytest
+
+from guard_api.cli.main import run
+
+TRAIN = ["train", "--env", "Goal_Point_8Hazards", "--backend", "mujoco", "--num-worlds", "1", "--value-iterations", "1"]
+EPOCH = ["--steps-per-epoch", "1000"]
+
+
+def test_rounded_steps_and_a_finished_run_are_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = [*TRAIN, *EPOCH, "--total-steps", "300", "--out", str(tmp_path / "run")]
+    assert run([*arguments, "--json"]) == 0
+    output = capsys.readouterr()
+    assert json.loads(output.out)["total_steps"] == 1000
+    assert "trains 1,000 steps, not 300: rounded up to whole epochs of --steps-per-epoch 1,000" in output.err
+    assert "already trained" not in output.err
+    assert run([*arguments, "--resume"]) == 0
+    output = capsys.readouterr()
+    assert "run: already trained for 1,000 steps" in output.out.replace("\n", "")
+    assert "whole epochs" not in output.out
+
+
+def test_a_refused_training_leaves_its_folder_free(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = [*TRAIN, *EPOCH, "--algo", "trpo-ipo", "--total-steps", "1000", "--out", str(tmp_path / "run")]
+    for wrong in (["--cost-limit", "0"], ["--cost-limits", "hazard", "1"]):
+        assert run([*arguments, *wrong]) == 2
+        assert "limit" in capsys.readouterr().err
+        assert not list(tmp_path.iterdir())
+    assert run([*arguments, "--cost-limit", "25", "--json"]) == 0
+    assert "whole epochs" not in capsys.readouterr().err  # nothing is rounded
+
+
+def test_other_options_are_refused_with_the_command_that_made_the_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arguments = [*TRAIN, *EPOCH, "--total-steps", "1000", "--out", str(tmp_path / "run")]
+    monkeypatch.setattr(sys, "argv", ["guard", *arguments])
+    assert run([*arguments, "--json"]) == 0
+    for flag, value in (("--num-worlds", "2"), ("--gae-lambda", "0.5"), ("--algo", "cpo")):
+        assert run([*arguments, flag, value, "--resume"]) == 2
+        message = capsys.readouterr().err
+        assert f"was made with {flag} " in message
+        assert f"`{shlex.join(['guard', *arguments])}`" in message
