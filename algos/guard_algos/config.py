@@ -86,7 +86,8 @@ class CostLimits:
     cost_limit: float = 0.0
     """Limit of the sum of all costs of an episode, where `cost_limits` is empty."""
     cost_limits: dict[str, float] = field(default_factory=dict)
-    """Limits of named costs, each with its own critic, advantage and multiplier; the other costs are only logged."""
+    """Limits of named costs, as in `--cost-limits hazards 1 vases 0.5`, each with its own critic, advantage and
+    multiplier; the other costs are only logged."""
 
 
 PAPER: Final[dict[str, Any]] = {
