@@ -69,7 +69,7 @@ class Environment:
         if num_worlds < 1:
             raise SpecError(f"num_worlds is {num_worlds}: it must be at least 1")
         self.spec, self.backend_name, self.num_worlds, self.seed = spec, backend, num_worlds, _checked(seed)
-        self.robot = _driven(spec.robot)
+        self.robot = _actuated(spec.robot)
         self._groups = spec.groups
         self.scene = SceneSpec(
             robot=self.robot,
@@ -268,7 +268,7 @@ def make_environment(
     return Environment(spec, backend=backend, num_worlds=num_worlds, seed=seed, workers=workers)
 
 
-def _driven(name: str) -> RobotModel:
+def _actuated(name: str) -> RobotModel:
     """Return the robot `name`. Raises SpecError for one without actuators, in whose environment nobody could act."""
     robot = load_robot(name)
     if not robot.actuators:
