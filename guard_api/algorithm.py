@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -97,6 +98,12 @@ def check_row(algorithm: str, row: Mapping[str, float]) -> None:
     if missing:
         names = ", ".join(missing)
         raise PluginError(f"algorithm {algorithm}: its metrics rows lack {names}: log all of guard_api.algorithm.ROW")
+
+
+def whole_episodes(steps: int, num_worlds: int, episode_length: int) -> int:
+    """Return the fewest environment steps, `steps` at least, that are whole episodes of every world."""
+    together = num_worlds * episode_length
+    return math.ceil(steps / together) * together
 
 
 def deciding_names(config: Any) -> list[str]:

@@ -29,7 +29,7 @@ from guard_algos.networks import Mlp
 from guard_algos.policy import TrainedPolicy, make_policy
 from guard_algos.rollout import Correct, collect
 from guard_algos.workers import workers
-from guard_api.algorithm import Preset, TrainingJob
+from guard_api.algorithm import Preset, TrainingJob, whole_episodes
 from guard_api.errors import GuardError, SpecError
 
 
@@ -143,8 +143,8 @@ class _Training:
         env = job.env
         config: OnPolicyConfig = job.config
         self._algorithm, self._job, self._config, self._pool = algorithm, job, config, pool
-        self._rounds = math.ceil(config.steps_per_epoch / (env.num_worlds * env.episode_length))
-        self._epoch_steps = self._rounds * env.num_worlds * env.episode_length
+        self._epoch_steps = whole_episodes(config.steps_per_epoch, env.num_worlds, env.episode_length)
+        self._rounds = self._epoch_steps // (env.num_worlds * env.episode_length)
         # Samples have a generator of their own, so that they do not depend on how many networks an algorithm has.
         initial, self._generator = (torch.Generator().manual_seed(seed) for seed in _seeds(job.seed))
         sizes = (env.observation_size, *config.hidden)

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Generic, TypeVar
 import tyro
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from guard_api.algorithm import Algorithm, find_preset
+from guard_api.algorithm import Algorithm, find_preset, whole_episodes
 from guard_api.cli.interrupt import stop_request
 from guard_api.cli.options import parse_with_algorithm, whole_steps
 from guard_api.cli.output import print_json, print_table
@@ -109,8 +109,7 @@ def _whole_epochs(training: Training) -> int:
     steps = getattr(training.config, "steps_per_epoch", None)
     if steps is None or training.num_worlds < 1:  # other epochs, or no worlds, which the backend refuses
         return training.total_steps
-    round_ = training.num_worlds * training.spec.episode_length
-    epoch = math.ceil(steps / round_) * round_
+    epoch = whole_episodes(steps, training.num_worlds, training.spec.episode_length)
     return math.ceil(training.total_steps / epoch) * epoch
 
 

@@ -48,12 +48,7 @@ class RunDirectory:
         if path.exists() and not (path.is_dir() and not any(path.iterdir())):
             raise RunError(f"{path}: exists and is not empty: choose another folder, or resume the run with --resume")
         whole = {"format": FORMAT, **manifest}
-
-        def fill(folder: Path) -> None:
-            write_json(folder / "config.json", dict(config))
-            write_json(folder / "manifest.json", whole)
-
-        write_folder(path, fill)
+        write_folder(path, lambda folder: _describe(folder, whole, config))
         return cls(path, whole, dict(config))
 
     @classmethod
@@ -75,8 +70,7 @@ class RunDirectory:
         """Begin the run anew in its folder and return it; files that a run does not write stay as they are."""
         self._delete_results()
         whole = {"format": FORMAT, **manifest}
-        write_json(self.path / "config.json", dict(config))
-        write_json(self.path / "manifest.json", whole)
+        _describe(self.path, whole, config)
         return RunDirectory(self.path, whole, dict(config))
 
     def delete(self) -> None:
@@ -160,3 +154,8 @@ class RunDirectory:
     def close(self) -> None:
         """Close the TensorBoard file; the object stays usable."""
         self._events.close()
+
+
+def _describe(folder: Path, manifest: Mapping[str, Any], config: Mapping[str, Any]) -> None:
+    write_json(folder / "config.json", dict(config))
+    write_json(folder / "manifest.json", manifest)
