@@ -133,7 +133,7 @@ class Environment:
         if failures:
             failed = list(failures)
             reward[failed], costs[failed], success[failed] = FAILURE_REWARD, FAILURE_COST, False
-        if success.any():
+        if np.count_nonzero(success):
             reward[success] += self.spec.task.bonus
             t = self._respawn(t, success, failures)
         terminated = np.zeros(self.num_worlds, dtype=bool)
@@ -143,7 +143,7 @@ class Environment:
 
         final = observation = self._observe(t)
         ended = terminated | truncated
-        if ended.any():
+        if np.count_nonzero(ended):
             self._episode[ended] += 1
             self._now = self._begin(ended)
             # A transition with itself reads as standstill for new episodes; the others keep their true reading.
@@ -288,7 +288,7 @@ def _survivors(state: State, previous: State) -> tuple[State, list[int]]:
 
     So everything downstream sees finite numbers; the diverged worlds' episodes end in this step.
     """
-    if state.ok.all():
+    if np.count_nonzero(state.ok) == len(state.ok):
         return state, []
     failed = np.flatnonzero(~state.ok).tolist()
     mended = {}

@@ -117,6 +117,17 @@ def planar_distance(position: Any, points: Any, distance: Any) -> None:
             distance[world, k] = math.sqrt(x * x + y * y)
 
 
+@kernel("float64[:,:], float64[:,:,:], float64, float64[::1]")
+def planar_depth(position: Any, centres: Any, size: float, depth: Any) -> None:
+    """Write the summed `depth` (N,) of `position` (N, 3) in discs at `centres` (N, K, 3), as `Snapshot.depth` does."""
+    for world in range(centres.shape[0]):
+        depth[world] = 0.0
+        for k in range(centres.shape[1]):
+            x = centres[world, k, 0] - position[world, 0]
+            y = centres[world, k, 1] - position[world, 1]
+            depth[world] += max(size - math.sqrt(x * x + y * y), 0.0)
+
+
 @kernel("float64[:,:,:], float64[:,:,:], float64[:,:,:], float64[:], float64[:,::1]")
 def distance(points: Any, start: Any, end: Any, radius: Any, distance: Any) -> None:
     """Write the `distance` (N, K) of `points` (N, K, 3) from the nearest of S segments, as `Snapshot.distance` does.
@@ -160,52 +171,54 @@ def compass(position: Any, rotation: Any, target: Any, directions: Any) -> None:
                 directions[world, f, i] *= scale
 
 
-@kernel(f"{_FRAMES}, float64[:,:,:], boolean, float64[:,:,:,::1]")
-def sight(position: Any, rotation: Any, objects: Any, spatial: bool, local: Any) -> None:
-    """Write where `objects` (N, K, 3) are in frames, as `guard_api.sensors.lidar` does.
+@kernel(f"{_FRAMES}, float64[:,:,:], boolean, float64, float64, boolean, float64[:,:,:,::1]")
+def lidar(
+    position: Any,
+    rotation: Any,
+    objects: Any,
+    spatial: bool,
+    gain: float,
+    max_distance: float,
+    aliasing: bool,
+    readings: Any,
+) -> None:
+    """Write the largest reading of every cell into `readings` (N, F, bins, layers), as `guard_api.sensors.lidar` does.
 
-    position (N, F, 3), rotation (N, F, 3, 3); local (4, N, F, K): x, y, z and the distance.
+    position (N, F, 3), rotation (N, F, 3, 3), objects (N, K, 3); max_distance: infinite for an exponential lidar.
     """
+    bins, layers = readings.shape[2], readings.shape[3]
     for world in range(objects.shape[0]):
         for f in range(position.shape[1]):
+            cells = readings[world, f]
             for k in range(objects.shape[1]):
                 dx = objects[world, k, 0] - position[world, f, 0]
                 dy = objects[world, k, 1] - position[world, f, 1]
                 dz = (objects[world, k, 2] if spatial else 0.0) - position[world, f, 2]
-                squares = 0.0
-                for i in range(3):
-                    along = (
-                        dx * rotation[world, f, 0, i] + dy * rotation[world, f, 1, i] + dz * rotation[world, f, 2, i]
-                    )
-                    local[i, world, f, k] = along
-                    squares += along * along if spatial or i < 2 else 0.0
-                local[3, world, f, k] = math.sqrt(squares)
-
-
-@kernel("float64[:,:,::1], float64[:,:,::1], float64[:,:,::1], boolean, boolean, float64[:,:,:,::1]")
-def largest(azimuth: Any, elevation: Any, nearness: Any, spatial: bool, aliasing: bool, readings: Any) -> None:
-    """Write the largest reading of every cell into `readings` (N, F, bins, layers), as `guard_api.sensors.lidar` does.
-
-    azimuth, elevation (N, F, K) in cells, nearness (N, F, K).
-    """
-    bins, layers = readings.shape[2], readings.shape[3]
-    for world in range(azimuth.shape[0]):
-        for f in range(azimuth.shape[1]):
-            for k in range(azimuth.shape[2]):
-                around, near, layer, height = azimuth[world, f, k], nearness[world, f, k], 0, 0.0
+                x = dx * rotation[world, f, 0, 0] + dy * rotation[world, f, 1, 0] + dz * rotation[world, f, 2, 0]
+                y = dx * rotation[world, f, 0, 1] + dy * rotation[world, f, 1, 1] + dz * rotation[world, f, 2, 1]
+                squares, layer, height = x * x + y * y, 0, 0.0
+                if spatial:
+                    z = dx * rotation[world, f, 0, 2] + dy * rotation[world, f, 1, 2] + dz * rotation[world, f, 2, 2]
+                    up = (math.atan2(z, math.sqrt(squares)) / math.pi + 0.5) * layers
+                    layer = min(int(up), layers - 1)
+                    height = up - layer
+                    squares += z * z
+                distance = math.sqrt(squares)
+                if max_distance < math.inf:
+                    near = max(0.0, 1.0 - distance / max_distance)
+                else:
+                    near = math.exp(-gain * distance)
+                around = math.atan2(y, x) * (bins / (2.0 * math.pi))
                 if around < 0.0:
                     around += bins
                 sector = min(int(around), bins - 1)
                 share = around - sector
-                if spatial:
-                    layer = min(int(elevation[world, f, k]), layers - 1)
-                    height = elevation[world, f, k] - layer
-                readings[world, f, sector, layer] = max(readings[world, f, sector, layer], near)
+                cells[sector, layer] = max(cells[sector, layer], near)
                 if aliasing:
-                    right, left = sector + 1 if sector < bins - 1 else 0, sector - 1 if sector else bins - 1
-                    readings[world, f, right, layer] = max(readings[world, f, right, layer], share * near)
-                    readings[world, f, left, layer] = max(readings[world, f, left, layer], (1.0 - share) * near)
+                    left, right = sector + 1 if sector < bins - 1 else 0, sector - 1 if sector else bins - 1
+                    cells[left, layer] = max(cells[left, layer], share * near)
+                    cells[right, layer] = max(cells[right, layer], (1.0 - share) * near)
                     if spatial:
-                        up, down = min(layer + 1, layers - 1), max(layer - 1, 0)
-                        readings[world, f, sector, up] = max(readings[world, f, sector, up], height * near)
-                        readings[world, f, sector, down] = max(readings[world, f, sector, down], (1.0 - height) * near)
+                        above, below = min(layer + 1, layers - 1), max(layer - 1, 0)
+                        cells[sector, above] = max(cells[sector, above], height * near)
+                        cells[sector, below] = max(cells[sector, below], (1.0 - height) * near)

@@ -67,18 +67,18 @@ class Ghosts:
 
     def cost(self, t: Transition) -> Array:
         """Return the summed depth [m] inside the ghosts, or how many touch: (N,)."""
-        return self.weight * self._violation(t.now).sum(axis=1)
+        return self.weight * self._violation(t.now)
 
     def indicator(self, t: Transition) -> NDArray[np.bool_]:
         """Return whether the robot is inside a ghost or touches one: (N,)."""
-        return self._violation(t.now).sum(axis=1) > 0.0
+        return self._violation(t.now) > 0.0
 
     def observe(self, t: Transition) -> dict[str, Array]:
         """Return `ghosts_lidar`."""
         return {"ghosts_lidar": self.lidar.read(t.now, t.now.bodies[self.name])}
 
     def _violation(self, now: Snapshot) -> Array:
-        """Return how deep the robot is in each ghost [m], or 1 where a solid one touches it: (N, count)."""
+        """Return the summed depth [m] inside the ghosts, or how many solid ones touch: (N,)."""
         if self.solid:
-            return now.contact(self.name).astype(float)
+            return now.contact(self.name).sum(axis=1, dtype=float)
         return now.depth(now.bodies[self.name], self.size, spatial=self.heights is not None)

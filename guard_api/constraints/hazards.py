@@ -58,16 +58,16 @@ class Hazards:
 
     def cost(self, t: Transition) -> Array:
         """Return the summed depth inside the hazards: (N,) [m]."""
-        return self.weight * self._depth(t.now).sum(axis=1)
+        return self.weight * self._depth(t.now)
 
     def indicator(self, t: Transition) -> NDArray[np.bool_]:
         """Return whether the robot is inside any hazard: (N,)."""
-        return self._depth(t.now).sum(axis=1) > 0.0
+        return self._depth(t.now) > 0.0
 
     def observe(self, t: Transition) -> dict[str, Array]:
         """Return `hazards_lidar`."""
         return {f"{self.name}_lidar": self.lidar.read(t.now, t.now.bodies[self.name])}
 
     def _depth(self, now: Snapshot) -> Array:
-        """Return how deep the robot is in each hazard: (N, count) [m]."""
+        """Return the summed depth inside the hazards: (N,) [m]."""
         return now.depth(now.bodies[self.name], self.size, spatial=self.heights is not None)

@@ -59,13 +59,18 @@ class Snapshot:
         return self.state.body_linear_velocity[:, self.slices[group]]
 
     def depth(self, centres: Array, size: float, *, spatial: bool) -> Array:
-        """Return max(0, size - d) for round zones of radius `size` [m] at `centres` (N, K, 3): (N, K) [m].
+        """Return sum_k max(0, size - d_k) for round zones of radius `size` [m] at `centres` (N, K, 3): (N,) [m].
 
-        d is the distance in the plane from the robot's reference to the centre, or with `spatial` the distance in space
+        d is the distance in the plane from the robot's reference to a centre, or with `spatial` the distance in space
         from the robot, so that a thick robot may be deeper than `size`. Source: GUARD's engine.
         """
-        away = self.distance(centres) if spatial else planar_distance(self.position, centres)
-        return np.maximum(size - away, 0.0)
+        fast = None if spatial else kernels.planar_depth()
+        if fast is None:
+            away = self.distance(centres) if spatial else planar_distance(self.position, centres)
+            return np.maximum(size - away, 0.0).sum(axis=1)
+        depth = np.empty(len(centres))
+        fast(self.position, centres, size, depth)
+        return depth
 
     def distance(self, points: Array) -> Array:
         """Return how far `points` (N, K, 3) are from the robot: (N, K) [m].

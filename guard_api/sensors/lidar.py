@@ -41,58 +41,56 @@ class Lidar:
         return self._readings(now.sensing_position, now.sensing_rotation, objects)
 
     def _readings(self, position: Array, rotation: Array, objects: Array) -> Array:
-        x, y, z, distance = _sight(position, rotation, objects, spatial=self.layers > 0)
-        azimuth = np.arctan2(y, x) * (self.bins / _TURN)
-        elevation = (np.arctan2(z, np.sqrt(x * x + y * y)) / np.pi + 0.5) * self.layers if self.layers else azimuth
-        readings = np.zeros((*azimuth.shape[:2], self.bins, max(self.layers, 1)))
-        largest = kernels.largest() or _largest
-        largest(azimuth, elevation, self._nearness(distance), self.layers > 0, self.aliasing, readings)
+        readings = np.zeros((*position.shape[:2], self.bins, max(self.layers, 1)))
+        limit = np.inf if self.max_distance is None else self.max_distance
+        write = kernels.lidar() or _write
+        write(position, rotation, objects, self.layers > 0, self.gain, limit, self.aliasing, readings)
         return readings.reshape(len(readings), -1)
 
-    def _nearness(self, distance: Array) -> Array:
-        if self.max_distance is None:
-            return np.exp(-self.gain * distance)
-        return np.maximum(0.0, 1.0 - distance / self.max_distance)
 
+def _write(
+    position: Array,
+    rotation: Array,
+    objects: Array,
+    spatial: bool,
+    gain: float,
+    max_distance: float,
+    aliasing: bool,
+    readings: Array,
+) -> None:
+    """Write the largest reading of every cell into `readings` (N, F, bins, layers), which is zero.
 
-def _sight(position: Array, rotation: Array, objects: Array, *, spatial: bool) -> Array:
-    """Return where `objects` (N, K, 3) are in the axes of frames: (4, N, F, K) x, y, z and the distance [m].
-
-    Heights count as 0 unless `spatial`.
+    position (N, F, 3), rotation (N, F, 3, 3): of the frames that see `objects` (N, K, 3). Heights count as 0 unless
+    `spatial`. max_distance: infinite for an exponential lidar.
     """
-    local = np.empty((4, *position.shape[:2], objects.shape[1]))
-    fast = kernels.sight()
-    if fast is not None:
-        fast(position, rotation, objects, spatial, local)
-        return local
+    bins, layers = readings.shape[2:]
     offsets = objects[:, None] - position[:, :, None]
     if not spatial:
         offsets[..., 2] = -position[:, :, None, 2]
-    local[:3] = np.moveaxis(in_frame(rotation, offsets), -1, 0)
-    squares = local[0] * local[0] + local[1] * local[1]
-    np.sqrt(squares + local[2] * local[2] if spatial else squares, out=local[3])
-    return local
-
-
-def _largest(azimuth: Array, elevation: Array, nearness: Array, spatial: bool, aliasing: bool, readings: Array) -> None:
-    """Write the largest reading of every cell into `readings` (N, F, bins, layers), which is zero.
-
-    azimuth, elevation: (N, F, K) in cells. nearness: (N, F, K) what an object reads in its own cell.
-    """
-    bins, layers = readings.shape[2:]
-    around = np.where(azimuth < 0.0, azimuth + bins, azimuth)
+    x, y, z = np.moveaxis(in_frame(rotation, offsets), -1, 0)
+    squares = x * x + y * y
+    around = np.arctan2(y, x) * (bins / _TURN)
+    around = np.where(around < 0.0, around + bins, around)
     sector = np.minimum(around.astype(np.intp), bins - 1)
     share = around - sector
-    layer = np.minimum(elevation.astype(np.intp), layers - 1) if spatial else np.zeros_like(sector)
-    height = elevation - layer
+    layer = np.zeros_like(sector)
+    height = np.zeros_like(share)
+    if spatial:
+        up = (np.arctan2(z, np.sqrt(squares)) / np.pi + 0.5) * layers
+        layer = np.minimum(up.astype(np.intp), layers - 1)
+        height = up - layer
+        squares = squares + z * z
+    distance = np.sqrt(squares)
+    linear = max_distance < np.inf
+    nearness = np.maximum(0.0, 1.0 - distance / max_distance) if linear else np.exp(-gain * distance)
     beside = [(0, 0, np.ones_like(share))]
     if aliasing:
         beside += [(1, 0, share), (-1, 0, 1.0 - share)]
     if aliasing and spatial:
         beside += [(0, 1, height), (0, -1, 1.0 - height)]
     frame = np.arange(readings[..., 0, 0].size).reshape(*readings.shape[:2], 1)
-    for right, up, weight in beside:
-        cell = (frame * bins + (sector + right) % bins) * layers + np.clip(layer + up, 0, layers - 1)
+    for right, above, weight in beside:
+        cell = (frame * bins + (sector + right) % bins) * layers + np.clip(layer + above, 0, layers - 1)
         np.maximum.at(readings.reshape(-1), cell.reshape(-1), (weight * nearness).reshape(-1))
 
 

@@ -94,12 +94,13 @@ class MuJoCoWorld:
             raise BackendError(f"substeps={substeps}: must be at least 1")
         if not np.isfinite(control).all():
             self._ok &= np.isfinite(control).all(axis=1)
-        rows = ALL if self._ok.all() else np.flatnonzero(self._ok)
+        rows = ALL if np.count_nonzero(self._ok) == self.num_worlds else np.flatnonzero(self._ok)
         np.copyto(self._before, self._batch.state)
         self._ctrl[rows] = self._commands(control, rows)
         if self._driven.any:
             self._driven.launch(self._everyone[rows], substeps * self.scene.timestep)
         self._advance(rows, substeps)
+        self._current |= rows is ALL
         self._freeze_failed(rows)
 
     def drive(self, group: str, position: Array, quaternion: Array) -> None:
