@@ -97,7 +97,7 @@ def optimum(q: float, r: Array, S: Array, c: Array, radius: float) -> tuple[floa
 def _binding(q: float, r: Array, S: Array, c: Array, radius: float, active: list[int]) -> tuple[float, Array] | None:
     """Return the step with exactly the `active` constraints binding, or None where it is not the optimum."""
     S_A, r_A, c_A = S[np.ix_(active, active)], r[active], c[active]
-    if active and np.linalg.matrix_rank(S_A, hermitian=True) < len(active):
+    if active and not independent(S_A):
         return None
     inverse_r, inverse_c = np.linalg.solve(S_A, r_A), np.linalg.solve(S_A, c_A)
     room, gain = 2 * radius - c_A @ inverse_c, q - r_A @ inverse_r
@@ -113,6 +113,12 @@ def _binding(q: float, r: Array, S: Array, c: Array, radius: float, active: list
     excess[active] = 0.0
     tolerance = 1e-9 * (np.abs(c) + np.sqrt(2 * radius * np.diag(S)))
     return (alpha, beta) if (nu >= 0).all() and (excess <= tolerance).all() else None
+
+
+def independent(S: Array) -> bool:
+    """Return whether constraints with the products `S` (K, K) have independent gradients, whatever their units."""
+    scale = 1.0 / np.sqrt(np.diag(S))
+    return np.linalg.matrix_rank(S * np.outer(scale, scale), hermitian=True) == len(S)
 
 
 def recovery(S: Array, c: Array, radius: float) -> Array:

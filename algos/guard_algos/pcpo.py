@@ -26,7 +26,7 @@ from torch import Tensor
 from guard_algos import trust_region
 from guard_algos.batch import Batch
 from guard_algos.config import CostLimits, OnPolicyConfig
-from guard_algos.cpo import accept, recovery
+from guard_algos.cpo import accept, independent, recovery
 from guard_algos.gaussian import GaussianPolicy
 from guard_algos.on_policy import Method, OnPolicyAlgorithm, Problem
 from guard_algos.trust_region import LocalModel, Step
@@ -105,7 +105,7 @@ def projection(S: Array, excess: Array) -> Array | None:
 def _binding(S: Array, excess: Array, active: list[int]) -> Array | None:
     """Return the multipliers with exactly the `active` constraints binding, or None where that is not the optimum."""
     S_A = S[np.ix_(active, active)]
-    if active and np.linalg.matrix_rank(S_A, hermitian=True) < len(active):
+    if active and not independent(S_A):
         return None
     nu = np.zeros(len(excess))
     nu[active] = np.linalg.solve(S_A, excess[active])

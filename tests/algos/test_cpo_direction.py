@@ -121,6 +121,15 @@ def test_margin_of_exactly_zero_and_vanishing_gradients_give_finite_steps() -> N
     np.testing.assert_allclose(no_constraint.delta.numpy(), 0.2 * g, rtol=1e-12)
 
 
+def test_costs_may_be_in_units_of_any_size() -> None:
+    F, g, b, c = np.eye(3), np.ones(3), np.array([[1.0, 0.2, 0], [0, 1.0, 0.3]]), np.array([0.01, 0.02])
+    units = np.array([1e6, 1e-5])
+    same = direction(local_model(F, g, units[:, None] * b, units * c))
+    expected = direction(local_model(F, g, b, c))
+    assert same.feasible and expected.feasible
+    np.testing.assert_allclose(same.delta.numpy(), expected.delta.numpy(), rtol=1e-9)
+
+
 def test_parallel_and_contradicting_constraints() -> None:
     F, g, b = np.eye(2), np.array([1.0, 1.0]), np.array([1.0, 0.0])
     twice = direction(local_model(F, g, np.stack([b, 2 * b]), np.array([0.05, 0.1])))
