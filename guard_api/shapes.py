@@ -45,7 +45,7 @@ class Capsule:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mesh:
-    """The convex hull of a mesh file, already scaled: `vertices` (V, 3) [m] of the hull, and where it came from."""
+    """The convex hull of a mesh file, already scaled: `vertices` (V, 3) [m] of the hull, `source` the file."""
 
     vertices: tuple[Vector3, ...]
     source: str

@@ -31,6 +31,7 @@ class EnvSpec:
     """Everything that defines an environment but the simulator.
 
     name: its id, such as Goal_Point_8Hazards. version: raised when the same id begins to mean something else.
+    robot: its name, or the path of its URDF or MJCF file, see `guard_api.model.library`.
     extents: (xmin, ymin, xmax, ymax) [m] of the placement area. robot_placement: where the robot may start.
     episode_length: steps until truncation. preset: contact settings, see `guard_api.scene.spec`.
     scenery: what is placed, moves and is observed like constraints, but costs nothing.

@@ -24,7 +24,8 @@ class Options:
     clause: tuple[str, ...] = ()
     """Clauses to check, such as C3 C12; all when left out."""
     robot: str | None = None
-    """Check what the backend makes of this robot (`guard list robots`), or of `all`, instead of the contract."""
+    """Check what the backend makes of this robot (`guard list robots`, or the path of its file), or of `all`, instead
+    of the contract."""
     json: bool = False
     """Print JSON, with every measurement, instead of a table."""
 

@@ -15,7 +15,7 @@ from guard_api.cli.options import parse
 from guard_api.cli.output import print_json, print_table
 from guard_api.cli.robot_tables import robot_tables
 from guard_api.errors import ModelError
-from guard_api.model.library import load_robot, load_robot_file, robot_names
+from guard_api.model.library import load_robot, robot_names
 from guard_api.model.robot import RobotModel
 from guard_api.testing.conformance import ConformanceReport, check_robots
 from guard_api.viewer import SIZE, contact_sheet, robot_picture, write_png
@@ -56,13 +56,8 @@ def main(argv: Sequence[str]) -> int:
     return _show(options) if isinstance(options, Show) else _check(options)
 
 
-def _read(robot: str) -> RobotModel:
-    """Return the robot that is called, or whose file is, `robot`."""
-    return load_robot_file(Path(robot)) if Path(robot).suffix or "/" in robot else load_robot(robot)
-
-
 def _show(options: Show) -> int:
-    robots = [load_robot(name) for name in robot_names()] if options.robot == ALL else [_read(options.robot)]
+    robots = [load_robot(name) for name in robot_names()] if options.robot == ALL else [load_robot(options.robot)]
     if options.out is not None:
         sheet = options.robot == ALL
         write_png(options.out, contact_sheet(robots) if sheet else robot_picture(robots[0], size=options.size))
@@ -106,7 +101,7 @@ def _text(value: Any) -> str:
 
 def _check(options: Check) -> int:
     try:
-        robot = _read(options.robot)
+        robot = load_robot(options.robot)
     except ModelError as error:
         problems = str(error).splitlines()
         if options.json:

@@ -146,4 +146,4 @@ def _print_summary(run: RunDirectory, as_json: bool) -> None:
         print_json({"out": str(run.path), **rows[-1]})
         return
     shown = ("epoch", "total_steps", "return_mean", "cost_mean", "violation_rate", "success_mean", "kl")
-    print_table(f"last epoch of {run.path}", shown, [[rows[-1].get(key, float("nan")) for key in shown]])
+    print_table(f"last epoch of {run.path}", ("", "value"), [(key, rows[-1].get(key, float("nan"))) for key in shown])

@@ -104,7 +104,7 @@ def _mesh(node: Element, *, only_looked_at: bool) -> Shape | None:
     size = float(np.ptp(np.asarray(vertices), axis=0).max())
     if size > LARGEST:
         node.note(f"mesh {filename!r} is {size:.6g} m large; if it is in millimetres, give scale='0.001 0.001 0.001'")
-    return Mesh(vertices=vertices, source=filename)
+    return Mesh(vertices=vertices, source=str(file))
 
 
 def _box(node: Element) -> Box:

@@ -1,8 +1,8 @@
-"""The robots that GUARD finds by name: those it ships, and those of plugins.
+"""The robots that GUARD finds by name, those it ships and those of plugins, and by the path of their file.
 
-A robot is a folder below a root, with its robot file and `robot.toml`: `urdf/<robot>/<robot>.urdf` or
-`mjcf/<robot>/<robot>.xml`. Besides the shipped root,
-every entry point of the group `guard.robots` gives one: it loads to a function that returns the root's path.
+A robot with a name is a folder below a root, with its robot file and `robot.toml`: `urdf/<robot>/<robot>.urdf` or
+`mjcf/<robot>/<robot>.xml`. Besides the shipped root, every entry point of the group `guard.robots` gives one: it loads
+to a function that returns the root's path. Any other robot is called by the path of its URDF or MJCF (.xml) file.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from guard_api import plugins
 from guard_api.errors import PluginError, SpecError, unknown_name
 from guard_api.model.reader import MJCF_SUFFIX, SIDE_FILE, read_robot
 from guard_api.model.robot import RobotModel
+from guard_api.shapes import Mesh
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 
@@ -37,23 +38,40 @@ def robot_names() -> list[str]:
     return sorted(_robot_files())
 
 
-def robot_files(name: str) -> list[Path]:
-    """Return every file in the folder of robot `name`, sorted: what its model depends on."""
-    return sorted(path for path in _robot_file(name).parent.rglob("*") if path.is_file())
+def is_robot_file(robot: str) -> bool:
+    """Return whether `robot` is the path of a robot file rather than a name, which never looks so."""
+    return "/" in robot or robot.endswith(tuple(SUFFIXES.values()))
 
 
-def side_file(name: str) -> Path:
-    """Return the side file of robot `name`."""
-    return _robot_file(name).parent / SIDE_FILE
+def robot_files(robot: str) -> list[Path]:
+    """Return the files that the model of a robot, called by name or path, depends on, sorted.
+
+    They are all those in the folder of a robot with a name; of one called by its path, that file, its side file and the
+    meshes of its collision shapes.
+    """
+    file = _robot_file(robot)
+    if not is_robot_file(robot):
+        return sorted(path for path in file.parent.rglob("*") if path.is_file())
+    shapes = (collision.shape for link in load_robot(robot).links for collision in link.collisions)
+    meshes = {Path(shape.source) for shape in shapes if isinstance(shape, Mesh)}
+    return sorted({file, *meshes, *(path for path in [side_file(robot)] if path.is_file())})
+
+
+def side_file(robot: str) -> Path:
+    """Return the side file of a robot called by name or path; one called by its path need not have it."""
+    return _robot_file(robot).parent / SIDE_FILE
 
 
 @cache
-def load_robot(name: str) -> RobotModel:
-    """Return the robot `name`; it is read once per process.
+def load_robot(robot: str) -> RobotModel:
+    """Return the robot called by name or by the path of its file; it is read once per process.
 
-    Raises SpecError for a file or an unknown name, with the nearest ones, and ModelError for files that cannot be used.
+    Raises SpecError for an unknown name, with the nearest ones, and for a path where no file is; ModelError for files
+    that cannot be used.
     """
-    return read_robot(_robot_file(name), side_file(name), name=name)
+    if is_robot_file(robot):
+        return load_robot_file(_robot_file(robot))
+    return read_robot(_robot_file(robot), side_file(robot), name=robot)
 
 
 def load_robot_file(file: Path, side_file: Path | None = None) -> RobotModel:
@@ -65,16 +83,16 @@ def load_robot_file(file: Path, side_file: Path | None = None) -> RobotModel:
     return read_robot(file, side_file)
 
 
-def _robot_file(name: str) -> Path:
+def _robot_file(robot: str) -> Path:
+    if is_robot_file(robot):
+        file = Path(robot).resolve()
+        if not file.is_file():
+            raise SpecError(f"robot {robot!r}: there is no such file; robots with a name: `guard list robots`")
+        return file
     files = _robot_files()
-    if name not in files:
-        if "/" in name or name.endswith(tuple(SUFFIXES.values())):
-            raise SpecError(
-                f"robot {name!r} is a file: name a robot (`guard list robots`); an entry point of the group "
-                "guard.robots gives your own a name, as in GUARD's examples/own_robot"
-            )
-        raise unknown_name("robot", name, files)
-    return files[name]
+    if robot not in files:
+        raise unknown_name("robot", robot, files)
+    return files[robot]
 
 
 def _robot_files() -> dict[str, Path]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 from pathlib import Path
 
@@ -10,7 +11,9 @@ import pytest
 
 from guard_api.cli.main import run
 from guard_api.env import make_environment
-from guard_api.suite import known_names
+from guard_api.runs.manifest import asset_hashes
+from guard_api.spec import EnvSpec
+from guard_api.suite import known_names, make_spec
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -61,3 +64,26 @@ def test_a_robot_of_a_package_is_listed(capsys: pytest.CaptureFixture[str]) -> N
     assert '"tug"' in capsys.readouterr().out
     assert run(["list", "envs", "--robot", "tug"]) == 0
     assert "Chase_Tug_8Hazards" in capsys.readouterr().out
+
+
+def test_a_robot_is_called_by_its_path_from_the_specification(tmp_path: Path) -> None:
+    """The path is taken from beside the specification; a manifest records its files and meshes alone."""
+    folder = tmp_path / "robots"
+    shutil.copytree(EXAMPLES / "own_robot" / "robots" / "urdf" / "tug", folder / "tug")
+    urdf = folder / "tug" / "tug.urdf"
+    corner = "<collision><geometry><mesh filename='corner.obj'/></geometry></collision>"
+    urdf.write_text(urdf.read_text().replace("</inertial>", f"</inertial>{corner}", 1))
+    points = "\n".join(f"v {x} {y} {z}" for x, y, z in ((0, 0, 0), (0.1, 0, 0), (0, 0.1, 0), (0, 0, 0.1)))
+    (folder / "tug" / "corner.obj").write_text(points + "\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n")
+    (folder / "unrelated.bin").write_bytes(b"large")
+    (tmp_path / "own.toml").write_text('robot = "robots/tug/tug.urdf"\n[task]\ntype = "Goal"\n')
+    spec = make_spec(str(tmp_path / "own.toml"))
+    assert spec.robot == str(urdf)
+    assert EnvSpec.from_json(spec.to_json()) == spec
+    assert list(asset_hashes(spec.robot)) == ["corner.obj", "robot.toml", "tug.urdf"]
+    env = make_environment(spec, backend="ideal", num_worlds=2)
+    for _ in range(100):
+        step = env.step(np.tile([1.0, 0.0], (2, 1)))
+    speed = step.observation[:, env.observation_layout["velocimeter"]][:, 0]
+    np.testing.assert_allclose(speed, 1.0, rtol=0.05)
+    env.close()

@@ -39,7 +39,7 @@ class MeshAsset:
 
     def shape(self) -> Mesh:
         """Return the convex hull. Raises ValueError, with the reason, for a file that is no mesh or is flat."""
-        return Mesh(vertices=hull_vertices(self.file, self.scale), source=self.file.name)
+        return Mesh(vertices=hull_vertices(self.file, self.scale), source=str(self.file))
 
     def mass_properties(self, density: float) -> MassProperties:
         """Return those of the solid that the mesh bounds. Raises ValueError for a mesh without a clear one."""
