@@ -31,11 +31,23 @@ def parse_with_algorithm(generic: Any, name: str, argv: Sequence[str], descripti
     one: so both flags are looked up first.
     """
     usual = next(field.default for field in dataclasses.fields(generic) if field.name == "algo")
-    algorithm = plugins.load("guard.algorithms", _flag(argv, "--algo", str(usual)))
-    preset = _flag(argv, "--preset", "") if "preset" in {field.name for field in dataclasses.fields(generic)} else ""
+    algorithm = plugins.load("guard.algorithms", last_value(argv, "--algo", str(usual)))
+    preset = last_value(argv, "--preset", "") if "preset" in {field.name for field in dataclasses.fields(generic)} else ""
     kind = cast("type[Any]", generic[algorithm.config_type])
     default = _preset_defaults(generic, algorithm, preset) if preset else None
     return parse(kind, name, argv, description, default), algorithm
+
+
+def last_value(argv: Sequence[str], flag: str, default: str) -> str:
+    """Return the value of the last `flag` in `argv`, or `default`. Raises SpecError when its value is missing."""
+    for i in reversed(range(len(argv))):
+        if argv[i] == flag:
+            if i + 1 == len(argv):
+                raise SpecError(f"{flag} needs a value")
+            return argv[i + 1]
+        if argv[i].startswith(flag + "="):
+            return argv[i].removeprefix(flag + "=")
+    return default
 
 
 def _preset_defaults(generic: Any, algorithm: Algorithm, name: str) -> Any:
@@ -55,15 +67,3 @@ def whole_steps(total_steps: float) -> int:
     if not 1 <= total_steps < float("inf"):
         raise SpecError(f"--total-steps is {total_steps}: it must be at least 1")
     return int(total_steps)
-
-
-def _flag(argv: Sequence[str], flag: str, default: str) -> str:
-    """Return the value of the last `flag` in `argv`, or `default`. Raises SpecError when its value is missing."""
-    for i in reversed(range(len(argv))):
-        if argv[i] == flag:
-            if i + 1 == len(argv):
-                raise SpecError(f"{flag} needs a value")
-            return argv[i + 1]
-        if argv[i].startswith(flag + "="):
-            return argv[i].removeprefix(flag + "=")
-    return default

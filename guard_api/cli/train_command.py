@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -14,7 +15,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 
 from guard_api.algorithm import Algorithm, find_preset, whole_episodes
 from guard_api.cli.interrupt import stop_request
-from guard_api.cli.options import parse_with_algorithm, whole_steps
+from guard_api.cli.options import last_value, parse_with_algorithm, whole_steps
 from guard_api.cli.output import print_json, print_table
 from guard_api.errors import RunError
 from guard_api.measure.diagnosis import Finding
@@ -48,7 +49,8 @@ class Options(Generic[Config]):
     preset: str = ""
     """Settings to start from: paper, those of GUARD's paper. What is given explicitly wins over them."""
     resume: bool = False
-    """Continue from the last checkpoint in --out, to the same bits as without the interruption."""
+    """Continue from the last checkpoint in --out, to the same bits as without the interruption. Without --env, with the
+    options that the run was started with, but for those that are given."""
     json: bool = False
     """Print the last epoch's metrics as JSON."""
     algorithm: Annotated[Config, tyro.conf.arg(name="")]
@@ -57,6 +59,7 @@ class Options(Generic[Config]):
 
 def main(argv: Sequence[str]) -> int:
     """Run the command."""
+    argv = [*_recorded(argv), *argv]
     options, algorithm = parse_with_algorithm(Options, "train", argv, "Train a policy on one backend.")
     training = Training(
         path=options.out,
@@ -84,6 +87,15 @@ def main(argv: Sequence[str]) -> int:
     if not finished:
         raise KeyboardInterrupt
     return 0
+
+
+def _recorded(argv: Sequence[str]) -> list[str]:
+    """Return the options of the run that `argv` resumes without an environment; those in `argv` win over them."""
+    out = last_value(argv, "--out", "")
+    if "--resume" not in argv or not out or last_value(argv, "--env", ""):
+        return []
+    command = shlex.split(RunDirectory.open(Path(out)).manifest.get("command") or "")
+    return [word for word in command[2:] if word != "--json"] if command[:2] == ["guard", "train"] else []
 
 
 def _preset(options: Any, algorithm: Algorithm) -> dict[str, Any] | None:

@@ -49,3 +49,19 @@ def test_other_options_are_refused_with_the_command_that_made_the_run(
         message = capsys.readouterr().err
         assert f"was made with {flag} " in message
         assert f"`{shlex.join(['guard', *arguments])}`" in message
+
+
+def test_a_run_goes_on_with_its_own_options(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    place = ["--out", str(tmp_path / "run")]
+    arguments = [*TRAIN, *EPOCH, "--algo", "cpo", "--cost-limit", "3", "--total-steps", "1000", *place, "--json"]
+    monkeypatch.setattr(sys, "argv", ["guard", *arguments])
+    assert run(arguments) == 0
+    capsys.readouterr()
+    assert run(["train", "--resume", *place, "--total-steps", "2000", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["total_steps"] == 2000
+    config = json.loads((tmp_path / "run" / "config.json").read_text())
+    assert (config["cost_limit"], config["value_iterations"]) == (3.0, 1)
+    assert run(["train", "--resume", *place]) == 0
+    assert "already trained for 2,000 steps" in capsys.readouterr().out.replace("\n", "")
