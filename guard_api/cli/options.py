@@ -32,7 +32,8 @@ def parse_with_algorithm(generic: Any, name: str, argv: Sequence[str], descripti
     """
     usual = next(field.default for field in dataclasses.fields(generic) if field.name == "algo")
     algorithm = plugins.load("guard.algorithms", last_value(argv, "--algo", str(usual)))
-    preset = last_value(argv, "--preset", "") if "preset" in {field.name for field in dataclasses.fields(generic)} else ""
+    has_presets = "preset" in {field.name for field in dataclasses.fields(generic)}
+    preset = last_value(argv, "--preset", "") if has_presets else ""
     kind = cast("type[Any]", generic[algorithm.config_type])
     default = _preset_defaults(generic, algorithm, preset) if preset else None
     return parse(kind, name, argv, description, default), algorithm

@@ -94,6 +94,11 @@ def positive_definite(inertia: Matrix3) -> bool:
     return bool(moments[0] > np.finfo(float).eps * moments[2])
 
 
+def radius_of_gyration(properties: MassProperties) -> float:
+    """Return how far from its com, about the worst axis, a point of the same mass would have the same inertia [m]."""
+    return float(np.sqrt(np.linalg.eigvalsh(np.asarray(properties.inertia))[2] / properties.mass))
+
+
 def as_vector(values: ArrayLike) -> Vector3:
     """Return three numbers as a tuple of Python floats."""
     x, y, z = (float(value) for value in np.asarray(values))

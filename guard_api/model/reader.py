@@ -9,7 +9,7 @@ from pathlib import Path
 
 from guard_api.model.ball import expand_balls
 from guard_api.model.base import footing_notes, resolve_base, with_base
-from guard_api.model.inertia import of_solids, positive_definite
+from guard_api.model.inertia import of_solids, positive_definite, radius_of_gyration
 from guard_api.model.merge import Body, merge_fixed
 from guard_api.model.mjcf.reader import read_mjcf
 from guard_api.model.problems import Problems
@@ -21,6 +21,9 @@ from guard_api.model.urdf import read_urdf
 
 SIDE_FILE = "robot.toml"
 MJCF_SUFFIX = ".xml"
+
+SMALLEST_RADIUS, LARGEST_RADIUS = 1e-4, 10.0
+"""A link's radius of gyration [m] beyond these is more likely a slip of units."""
 
 
 def read_robot(file: Path, side_file: Path | None = None, *, name: str | None = None) -> RobotModel:
@@ -122,6 +125,10 @@ def _check_mass(body: Body, carriers: set[str], side: SideFile, problems: Proble
     if body.properties.mass > 0.0:
         if not positive_definite(body.properties.inertia):
             problems.error(body.place, f"link {body.name!r} moves, but its inertia is zero about an axis: give all")
+            return
+        radius = radius_of_gyration(body.properties)
+        if not SMALLEST_RADIUS <= radius <= LARGEST_RADIUS:
+            problems.note(f"link {body.name!r} has a radius of gyration of {radius:.2g} m: inertias are in kg m^2")
         return
     if body.collisions:
         problems.error(

@@ -199,6 +199,11 @@ def test_axes_are_normalised_and_defaults_are_those_of_urdf(tmp_path: Path) -> N
     assert robot.joints[0].effort_limit == math.inf
 
 
+def moved(inertia: str) -> str:
+    """A link of 1 kg with this inertia about every axis, on a hinge."""
+    return link("a") + link("b").replace('"0.1"', f'"{inertia}"') + joint("j", "continuous", "a", "b", Z)
+
+
 NOTED = {
     "foreign tag": (
         link("a") + "\n<gazebo/><gazebo/>",
@@ -208,6 +213,8 @@ NOTED = {
     "foreign attribute": (link("a").replace("<mass", '<mass unit="kg"'), "attribute unit of <mass> is ignored"),
     "large": (link("a", '<collision><geometry><sphere radius="500"/></geometry></collision>'), "more than 100 m"),
     "heavy": (link("a", mass=2e5), "masses are in kilograms"),
+    "inertia in g mm^2": (moved(inertia="1e8"), "radius of gyration of 1e+04 m: inertias are in kg m^2"),
+    "inertia next to none": (moved(inertia="1e-9"), "radius of gyration of 3.2e-05 m: inertias are in"),
     "no base": (link("a"), "no kind of base is stated"),
     "no side file": (link("a"), "no robot.toml"),
     "degrees": (
