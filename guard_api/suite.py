@@ -1,6 +1,6 @@
 """Names of environments and the specifications behind them: `{Task}_{Robot}_{N}{Constraint}`, as in GUARD.
 
-Several constraints follow each other, as in Goal_Point_8Hazards_2Vases. The numbers are those of GUARD's suite of 72
+Several constraints follow each other, as in Goal_Point_8Hazards_2Vases, and Goal_Point has none. The numbers are those of GUARD's suite of 72
 (Zhao et al. 2023, table 20, and its engine's configuration).
 """
 
@@ -41,7 +41,7 @@ _ROOM: Final = {"Walls": 4}
 _STRIDE: Final = 0.001
 """How far movers go in one environment step [m]; targets flee ten times as fast."""
 
-_GRAMMAR: Final = re.compile(r"(?P<task>[A-Za-z]+)_(?P<robot>[A-Za-z0-9-]+)(?P<constraints>(_\d+[A-Za-z]+)+)")
+_GRAMMAR: Final = re.compile(r"(?P<task>[A-Za-z]+)_(?P<robot>[A-Za-z0-9-]+)(?P<constraints>(_\d+[A-Za-z]+)*)")
 _CONSTRAINT: Final = re.compile(r"_(\d+)([A-Za-z]+)")
 
 

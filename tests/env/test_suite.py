@@ -13,6 +13,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from guard_api.env import Environment, make_environment
+from guard_api.errors import SpecError
 from guard_api.suite import SUITE_ROBOTS, make_spec, suite_names
 
 ROBOTS = ("Point", "Swimmer", "Ant", "Walker", "Humanoid", "Hopper", "Arm3", "Arm6", "Drone")
@@ -120,3 +121,13 @@ def suite_table(request: pytest.FixtureRequest) -> Path | None:
 def rows(table: Path) -> list[dict[str, Any]]:
     """The rows that have been added to a table so far."""
     return [json.loads(line) for line in table.read_text(encoding="utf-8").splitlines()] if table.exists() else []
+
+
+def test_a_name_without_constraints_has_no_costs() -> None:
+    env = make_environment("Goal_Point", backend="ideal", num_worlds=2)
+    assert env.cost_names == ()
+    assert env.step(np.zeros((2, 2))).costs.shape == (2, 0)
+    env.close()
+    for wrong in ("Goal", "Goal_Point_", "Goal_Point_8"):
+        with pytest.raises(SpecError, match=f"unknown environment '{wrong}'"):
+            make_spec(wrong)
