@@ -1,7 +1,7 @@
 """Names of environments and the specifications behind them: `{Task}_{Robot}_{N}{Constraint}`, as in GUARD.
 
-Several constraints follow each other, as in Goal_Point_8Hazards_2Vases, and Goal_Point has none. The numbers are those of
-GUARD's suite of 72 (Zhao et al. 2023, table 20, and its engine's configuration).
+Several constraints follow each other, as in Goal_Point_8Hazards_2Vases, and Goal_Point has none. The numbers are those
+of GUARD's suite of 72 (Zhao et al. 2023, table 20, and its engine's configuration).
 """
 
 from __future__ import annotations
