@@ -169,7 +169,7 @@ FIGURES: Final[Mapping[str, tuple[Figure, ...]]] = {
     ),
     "ant": (
         Figure(name="height at rest", unit="m", guard=0.1105, read=_height,
-               why="GUARD's contact margin of 1 cm, which other engines lack, lets it hover; with it, 0.1099 in MuJoCo"),
+               why="GUARD's contact margin of 1 cm, which other engines lack, lets it hover; with it, 0.1099 here"),
         Figure(name="force on each foot", unit="N", guard=0.0335, read=_force),
     ),
     "walker": (Figure(name="height", unit="m", guard=0.43, read=_height),),
