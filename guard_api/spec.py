@@ -14,6 +14,7 @@ from guard_api import plugins
 from guard_api.constraints import CONSTRAINTS, Constraint
 from guard_api.errors import PluginError, SpecError, unknown_name
 from guard_api.scene.checks import check_extents, check_groups
+from guard_api.scene.limits import check_limits
 from guard_api.scene.spec import BodyGroup, ContactPreset, Placement
 from guard_api.tasks import TASKS, Task
 from guard_api.typed import Reader, plain
@@ -53,6 +54,8 @@ class EnvSpec:
     def __post_init__(self) -> None:
         """Refuse what means nothing: one SpecError that names the field."""
         try:
+            for term in self.terms:
+                check_limits(term, type(term).__name__)
             check_groups(self.groups, self.robot_placement)
             check_extents(self.extents)
         except SpecError as error:

@@ -12,6 +12,7 @@ import tyro
 from guard_api.cli.options import parse
 from guard_api.cli.output import print_json, print_table
 from guard_api.env import Environment, make_environment
+from guard_api.errors import SpecError
 from guard_api.viewer import CELL, Cell, captioned_sheet, environment_picture, write_png
 
 
@@ -32,6 +33,8 @@ class Options:
 def main(argv: Sequence[str]) -> int:
     """Run the command."""
     options = parse(Options, "env", argv, "Show environments.")
+    if not options.envs:
+        raise SpecError("name an environment, such as Goal_Point_8Hazards (`guard list envs`), or a TOML file of one")
     # What is shown is the same on every backend; this one needs no engine.
     shown = [make_environment(name, backend="ideal", seed=options.seed) for name in options.envs]
     rows = [_describe(env) for env in shown]

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from guard_api.physics.transition import Array, Snapshot, Transition
+from guard_api.scene.limits import NOT_NEGATIVE, POSITIVE, whole
 from guard_api.scene.spec import BodyGroup, BodySpec
 from guard_api.sensors.lidar import Lidar
 from guard_api.shapes import Sphere
@@ -23,10 +24,10 @@ class Buttons:
     """
 
     count: int
-    size: float = 0.1
-    keepout: float = 0.3
-    weight: float = 1.0
-    delay: int = 10
+    size: float = field(default=0.1, metadata=POSITIVE)
+    keepout: float = field(default=0.3, metadata=NOT_NEGATIVE)
+    weight: float = field(default=1.0, metadata=NOT_NEGATIVE)
+    delay: int = field(default=10, metadata=whole(0))
     lidar: Lidar = field(default_factory=Lidar)
 
     @property

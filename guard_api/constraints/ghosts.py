@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from guard_api.physics.transition import Array, Snapshot, Transition
+from guard_api.scene.limits import NOT_NEGATIVE, POSITIVE, THRESHOLD
 from guard_api.scene.motion import advanced, away_from_neighbours, towards
 from guard_api.scene.spec import BodyGroup, BodySpec, Placement
 from guard_api.sensors.lidar import Lidar
@@ -24,12 +25,12 @@ class Ghosts:
     """
 
     count: int
-    size: float = 0.3
-    keepout: float = 0.5
-    weight: float = 1.0
-    speed: float = 0.05
-    travel: float = 2.5
-    respect: float = 1.5
+    size: float = field(default=0.3, metadata=POSITIVE)
+    keepout: float = field(default=0.5, metadata=NOT_NEGATIVE)
+    weight: float = field(default=1.0, metadata=NOT_NEGATIVE)
+    speed: float = field(default=0.05, metadata=NOT_NEGATIVE)
+    travel: float = field(default=2.5, metadata=THRESHOLD)
+    respect: float = field(default=1.5, metadata=THRESHOLD)
     heights: tuple[float, float] | None = None
     solid: bool = False
     lidar: Lidar = field(default_factory=Lidar)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from guard_api.physics.transition import Array, Snapshot, Transition
+from guard_api.scene.limits import NOT_NEGATIVE, POSITIVE
 from guard_api.scene.spec import BodyGroup, BodySpec
 from guard_api.sensors.lidar import Lidar
 from guard_api.shapes import Box
@@ -22,11 +23,11 @@ class Gremlins:
     """
 
     count: int
-    size: float = 0.1
-    keepout: float = 0.5
-    travel: float = 0.3
-    period: float = 2.0 * np.pi
-    weight: float = 1.0
+    size: float = field(default=0.1, metadata=POSITIVE)
+    keepout: float = field(default=0.5, metadata=NOT_NEGATIVE)
+    travel: float = field(default=0.3, metadata=NOT_NEGATIVE)
+    period: float = field(default=2.0 * np.pi, metadata=POSITIVE)
+    weight: float = field(default=1.0, metadata=NOT_NEGATIVE)
     lidar: Lidar = field(default_factory=Lidar)
 
     @property

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from guard_api.physics.transition import Array, Snapshot, Transition
+from guard_api.scene.limits import NOT_NEGATIVE, POSITIVE
 from guard_api.scene.spec import BodyGroup, BodySpec, Placement
 from guard_api.sensors.lidar import Lidar
 from guard_api.shapes import Cylinder, Sphere
@@ -26,9 +27,9 @@ class Hazards:
     """
 
     count: int
-    size: float = 0.3
-    keepout: float = 0.4
-    weight: float = 1.0
+    size: float = field(default=0.3, metadata=POSITIVE)
+    keepout: float = field(default=0.4, metadata=NOT_NEGATIVE)
+    weight: float = field(default=1.0, metadata=NOT_NEGATIVE)
     heights: tuple[float, float] | None = None
     reach: float = float("inf")
     lidar: Lidar = field(default_factory=Lidar)

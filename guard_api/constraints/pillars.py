@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from guard_api.physics.transition import Array, Snapshot, Transition
+from guard_api.scene.limits import NOT_NEGATIVE, POSITIVE
 from guard_api.scene.spec import BodyGroup, BodySpec
 from guard_api.sensors.lidar import Lidar
 from guard_api.shapes import Cylinder
@@ -18,10 +19,10 @@ class Pillars:
     """`count` immovable cylinders of radius `size` and `height` [m]; the cost is `weight` for each that is touched."""
 
     count: int
-    size: float = 0.2
-    height: float = 1.0
-    keepout: float = 0.3
-    weight: float = 1.0
+    size: float = field(default=0.2, metadata=POSITIVE)
+    height: float = field(default=1.0, metadata=POSITIVE)
+    keepout: float = field(default=0.3, metadata=NOT_NEGATIVE)
+    weight: float = field(default=1.0, metadata=NOT_NEGATIVE)
     lidar: Lidar = field(default_factory=Lidar)
 
     @property

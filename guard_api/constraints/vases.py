@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from guard_api.physics.transition import Array, Snapshot, Transition
+from guard_api.scene.limits import NOT_NEGATIVE, POSITIVE, THRESHOLD
 from guard_api.scene.spec import BodyGroup, BodySpec
 from guard_api.sensors.lidar import Lidar
 from guard_api.shapes import Box
@@ -23,14 +24,14 @@ class Vases:
     """
 
     count: int
-    size: float = 0.1
-    density: float = 0.01
-    keepout: float = 0.15
-    contact_weight: float = 1.0
-    displacement_weight: float = 0.0
-    displacement_threshold: float = 1e-3
-    velocity_weight: float = 1.0
-    velocity_threshold: float = 1e-2
+    size: float = field(default=0.1, metadata=POSITIVE)
+    density: float = field(default=0.01, metadata=POSITIVE)
+    keepout: float = field(default=0.15, metadata=NOT_NEGATIVE)
+    contact_weight: float = field(default=1.0, metadata=NOT_NEGATIVE)
+    displacement_weight: float = field(default=0.0, metadata=NOT_NEGATIVE)
+    displacement_threshold: float = field(default=1e-3, metadata=THRESHOLD)
+    velocity_weight: float = field(default=1.0, metadata=NOT_NEGATIVE)
+    velocity_threshold: float = field(default=1e-2, metadata=THRESHOLD)
     lidar: Lidar = field(default_factory=Lidar)
 
     @property

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from guard_api.physics.transition import Array, Snapshot, Transition
+from guard_api.scene.limits import NOT_NEGATIVE, POSITIVE
 from guard_api.scene.spec import BodyGroup, BodySpec, Placement
 from guard_api.sensors.lidar import Lidar
 from guard_api.shapes import Box
@@ -21,9 +22,9 @@ class Walls:
     """
 
     count: int
-    size: float = 0.5
-    keepout: float = 0.7
-    weight: float = 1.0
+    size: float = field(default=0.5, metadata=POSITIVE)
+    keepout: float = field(default=0.7, metadata=NOT_NEGATIVE)
+    weight: float = field(default=1.0, metadata=NOT_NEGATIVE)
     locations: tuple[tuple[float, float], ...] = ()
     lidar: Lidar = field(default_factory=Lidar)
 

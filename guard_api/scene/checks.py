@@ -14,6 +14,10 @@ ROBOT: Final = ("rectangles", "locations", "radius")
 """The fields of a placement that say something of the robot itself."""
 
 
+_MOST: Final = 1000
+"""Things in a scene: the memory that placing them takes grows with their square."""
+
+
 def check_groups(groups: Sequence[BodyGroup], robot: Placement) -> None:
     """Raise SpecError for the first count or placement that means nothing, naming the group and the field."""
     names = [group.name for group in groups]
@@ -23,6 +27,11 @@ def check_groups(groups: Sequence[BodyGroup], robot: Placement) -> None:
     for group in groups:
         if type(group.count) is not int or group.count < 0:
             raise SpecError(f"{group.name}: count is {group.count!r}: it must be a whole number of at least 0")
+    total = sum(group.count for group in groups)
+    if total > _MOST:
+        most = max(groups, key=lambda group: group.count)
+        raise SpecError(f"{most.name}: count is {most.count}: a scene may hold {_MOST} things in all, not {total}")
+    for group in groups:
         for problem in _problems(group.placement, group.count):
             raise SpecError(f"{group.name}: {problem}")
         _check_onto(group, groups)

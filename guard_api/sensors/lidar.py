@@ -5,13 +5,14 @@ Both look from frames of the robot: the planar lidar from its reference, the oth
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
 
 from guard_api import kernels
 from guard_api.physics.transition import Array, Snapshot, in_frame
+from guard_api.scene.limits import NOT_NEGATIVE, POSITIVE, check_limits, whole
 
 _TURN: Final[float] = 2.0 * np.pi
 
@@ -26,13 +27,18 @@ class Lidar:
     (not the diagonal ones) read a share that grows as the object nears them, so that a planar reading is continuous in
     azimuth; with layers, the cells above and below jump from one sector to the next, as in GUARD. Each cell keeps its
     largest reading, so neither the number nor the order of objects matters. Size and occlusion are ignored.
+    Raises SpecError for a number that its field does not allow.
     """
 
-    bins: int = 16
-    layers: int = 0
-    gain: float = 1.0
-    max_distance: float | None = None
+    bins: int = field(default=16, metadata=whole(1, 1000))
+    layers: int = field(default=0, metadata=whole(0, 1000))
+    gain: float = field(default=1.0, metadata=NOT_NEGATIVE)
+    max_distance: float | None = field(default=None, metadata=POSITIVE)
     aliasing: bool = True
+
+    def __post_init__(self) -> None:
+        """Refuse what has no reading: readings are written unchecked."""
+        check_limits(self, "Lidar")
 
     def read(self, now: Snapshot, objects: Array) -> Array:
         """Return the readings of `objects` (N, K, 3) [m]: (N, bins), or (N, F * bins * layers) frame by frame."""

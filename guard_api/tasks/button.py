@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from guard_api.physics.transition import Array, Snapshot, Transition
+from guard_api.scene.limits import FINITE, POSITIVE, whole
 from guard_api.scene.spec import BodyGroup, BodySpec, Placement
 from guard_api.sensors.lidar import Lidar, compass
 from guard_api.shapes import Cylinder
@@ -27,9 +28,9 @@ class Button:
     goal instead of the compass.
     """
 
-    size: float = 0.2
-    bonus: float = 1.0
-    compass_axes: int = 2
+    size: float = field(default=0.2, metadata=POSITIVE)
+    bonus: float = field(default=1.0, metadata=FINITE)
+    compass_axes: int = field(default=2, metadata=whole(2, 3))
     lidar: Lidar | None = None
 
     def objects(self) -> tuple[BodyGroup, ...]:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from guard_api.physics.transition import Array, Snapshot, Transition
+from guard_api.scene.limits import FINITE
 from guard_api.scene.spec import BodyGroup
 from guard_api.tasks.targets import GROUP, Targets
 
@@ -20,7 +21,7 @@ class Chase:
     """
 
     targets: Targets = field(default_factory=Targets)
-    bonus: float = 0.0
+    bonus: float = field(default=0.0, metadata=FINITE)
 
     def objects(self) -> tuple[BodyGroup, ...]:
         """Return the targets."""

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from guard_api.physics.transition import Array, Snapshot, Transition
+from guard_api.scene.limits import FINITE, POSITIVE
 from guard_api.scene.spec import BodyGroup, BodySpec, Placement
 from guard_api.sensors.lidar import Lidar
 from guard_api.shapes import Cylinder
@@ -21,9 +22,9 @@ class Circle:
     distance from the origin [m], in the plane.
     """
 
-    radius: float = 1.5
-    scale: float = 0.1
-    bonus: float = 0.0
+    radius: float = field(default=1.5, metadata=POSITIVE)
+    scale: float = field(default=0.1, metadata=FINITE)
+    bonus: float = field(default=0.0, metadata=FINITE)
     lidar: Lidar = field(default_factory=Lidar)
 
     def objects(self) -> tuple[BodyGroup, ...]:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from guard_api.physics.transition import Array, Snapshot, Transition
+from guard_api.scene.limits import FINITE, POSITIVE
 from guard_api.scene.spec import BodyGroup, BodySpec, Placement
 from guard_api.shapes import Cylinder
 from guard_api.tasks.targets import GROUP, Targets
@@ -22,8 +23,8 @@ class Defense:
     """
 
     targets: Targets = field(default_factory=lambda: Targets(sight=2.0))
-    radius: float = 1.5
-    bonus: float = 0.0
+    radius: float = field(default=1.5, metadata=POSITIVE)
+    bonus: float = field(default=0.0, metadata=FINITE)
 
     def objects(self) -> tuple[BodyGroup, ...]:
         """Return the targets and the circle, a phantom at the origin."""

@@ -5,12 +5,13 @@ Source: GUARD (Zhao et al. 2023), sec. 5.2, and its engine.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from guard_api.physics.transition import Array, Snapshot, Transition, planar_distance
+from guard_api.scene.limits import FINITE, NOT_NEGATIVE, POSITIVE, whole
 from guard_api.scene.spec import BodyGroup, BodySpec, Placement
 from guard_api.sensors.lidar import Lidar, compass
 from guard_api.shapes import Cylinder, Sphere
@@ -26,12 +27,12 @@ class Goal:
     numbers in the compass. lidar: what observes the goal instead of the compass.
     """
 
-    size: float = 0.5
-    keepout: float = 0.4
-    bonus: float = 1.0
+    size: float = field(default=0.5, metadata=POSITIVE)
+    keepout: float = field(default=0.4, metadata=NOT_NEGATIVE)
+    bonus: float = field(default=1.0, metadata=FINITE)
     heights: tuple[float, float] | None = None
     reach: float = float("inf")
-    compass_axes: int = 2
+    compass_axes: int = field(default=2, metadata=whole(2, 3))
     lidar: Lidar | None = None
 
     def objects(self) -> tuple[BodyGroup, ...]:

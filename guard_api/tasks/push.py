@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from guard_api.physics.transition import Array, Snapshot, Transition
+from guard_api.scene.limits import FINITE, NOT_NEGATIVE, POSITIVE, THRESHOLD, whole
 from guard_api.scene.spec import BodyGroup, BodySpec
 from guard_api.sensors.lidar import Lidar, compass
 from guard_api.shapes import Box, Cylinder, Sphere
@@ -26,15 +27,15 @@ class Push:
     """
 
     object: Literal["ball", "box"] = "ball"
-    object_size: float = 0.2
-    density: float = 0.001
-    damping: float = 1.9
-    object_keepout: float = 0.2
-    reach: float = 0.4
-    size: float = 0.5
-    keepout: float = 0.4
-    bonus: float = 1.0
-    compass_axes: int = 2
+    object_size: float = field(default=0.2, metadata=POSITIVE)
+    density: float = field(default=0.001, metadata=POSITIVE)
+    damping: float = field(default=1.9, metadata=NOT_NEGATIVE)
+    object_keepout: float = field(default=0.2, metadata=NOT_NEGATIVE)
+    reach: float = field(default=0.4, metadata=THRESHOLD)
+    size: float = field(default=0.5, metadata=POSITIVE)
+    keepout: float = field(default=0.4, metadata=NOT_NEGATIVE)
+    bonus: float = field(default=1.0, metadata=FINITE)
+    compass_axes: int = field(default=2, metadata=whole(2, 3))
     lidar: Lidar | None = None
 
     def objects(self) -> tuple[BodyGroup, ...]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from guard_api.physics.transition import Array, Snapshot
+from guard_api.scene.limits import NOT_NEGATIVE, POSITIVE, THRESHOLD, whole
 from guard_api.scene.motion import advanced, away_from_neighbours, towards
 from guard_api.scene.spec import BodyGroup, BodySpec, Placement
 from guard_api.sensors.lidar import Lidar
@@ -23,13 +24,13 @@ class Targets:
     flee at `flight_speed` [m/s] from a robot nearer than `sight` [m]. solid: whether they push the robot.
     """
 
-    count: int = 2
-    size: float = 0.3
-    keepout: float = 0.5
-    speed: float = 0.05
-    flight_speed: float = 0.5
-    travel: float = 2.0
-    sight: float = 3.0
+    count: int = field(default=2, metadata=whole(1))
+    size: float = field(default=0.3, metadata=POSITIVE)
+    keepout: float = field(default=0.5, metadata=NOT_NEGATIVE)
+    speed: float = field(default=0.05, metadata=NOT_NEGATIVE)
+    flight_speed: float = field(default=0.5, metadata=NOT_NEGATIVE)
+    travel: float = field(default=2.0, metadata=THRESHOLD)
+    sight: float = field(default=3.0, metadata=THRESHOLD)
     heights: tuple[float, float] | None = None
     solid: bool = False
     lidar: Lidar = field(default_factory=Lidar)

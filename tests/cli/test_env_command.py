@@ -31,3 +31,18 @@ def test_a_sheet_of_several(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
 def test_an_unknown_environment_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["env", "Gaol_Point_8Hazards"]) == 2
     assert "did you mean Goal" in capsys.readouterr().err
+
+
+def test_without_an_environment_it_says_what_to_give(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["env"]) == 2
+    output = capsys.readouterr()
+    assert output.err.startswith("guard env: name an environment, such as Goal_Point_8Hazards")
+    assert output.err.count("\n") == 1
+    assert not output.out
+
+
+def test_too_many_objects_are_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["env", "Goal_Point_1000000Hazards"]) == 2
+    error = capsys.readouterr().err
+    assert "a scene may hold 1000 things in all" in error
+    assert error.count("\n") == 1

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from guard_api import kernels
+from guard_api.errors import SpecError
 from guard_api.physics.transition import Snapshot
 from guard_api.rotations import to_matrix
 from guard_api.sensors.lidar import Lidar, compass
@@ -139,6 +141,39 @@ def test_in_space_only_the_cells_above_and_below_jump(plain: bool, sector: int, 
         jump = np.abs(at(angle + 1e-7) - at(angle - 1e-7))
     assert jump[:, own].max() < 1e-5
     assert jump.max() > 0.01 * np.exp(-distance)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"bins": 0}, "Lidar.bins is 0: it must be a whole number from 1 to 1000"),
+        ({"bins": 16.0}, "Lidar.bins is 16.0"),
+        ({"bins": True}, "Lidar.bins is True"),
+        ({"bins": 10**12}, "Lidar.bins is 1000000000000"),
+        ({"layers": -1}, "Lidar.layers is -1: it must be a whole number from 0 to 1000"),
+        ({"gain": -0.5}, "Lidar.gain is -0.5: it must be a finite number of at least 0"),
+        ({"gain": float("inf")}, "Lidar.gain is inf"),
+        ({"gain": float("nan")}, "Lidar.gain is nan"),
+        ({"max_distance": 0.0}, "Lidar.max_distance is 0.0: it must be a finite number above 0"),
+        ({"max_distance": float("inf")}, "Lidar.max_distance is inf"),
+    ],
+)
+def test_a_lidar_without_readings_is_refused(settings: dict[str, Any], message: str) -> None:
+    """Before the compiled form writes them where no memory is."""
+    with pytest.raises(SpecError, match=message):
+        Lidar(**settings)
+    with pytest.raises(SpecError, match=message):
+        replace(Lidar(), **settings)
+
+
+@pytest.mark.parametrize("settings", [{"bins": 1}, {"gain": 0.0}, {"bins": 1, "layers": 1}])
+@both_forms
+def test_the_least_lidar_reads(settings: dict[str, Any], plain: bool) -> None:
+    lidar = Lidar(**settings)
+    with form(plain):
+        reading = read(lidar, np.array([[0.3, 0.4, 0.0]]))
+    assert reading.shape == (lidar.bins * max(lidar.layers, 1),)
+    assert reading.max() == pytest.approx(np.exp(-lidar.gain * 0.5))
 
 
 @given(seed=seeds, axes=st.sampled_from([2, 3]))

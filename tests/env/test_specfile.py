@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from guard_api.constraints import Gremlins, Hazards, Walls
+from guard_api.constraints import CONSTRAINTS, Buttons, Constraint, Gremlins, Hazards, Pillars, Vases, Walls
 from guard_api.env import make_environment
 from guard_api.errors import SpecError
 from guard_api.sensors.lidar import Lidar
 from guard_api.spec import EnvSpec
 from guard_api.suite import make_spec
-from guard_api.tasks import Goal
+from guard_api.tasks import TASKS, Chase, Circle, Defense, Goal, Push, Task
+from guard_api.tasks.targets import Targets
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "environment.toml"
 
@@ -88,6 +91,8 @@ def test_every_fault_is_named_by_file_and_key(tmp_path: Path) -> None:
             r"own.toml: environment 'own': goal: onto: .*constraint Buttons",
         ),
         ('robot = "point"\n', r"own.toml: task: is missing"),
+        ('robot = "point"\n[task]\ntype = "Goal"\nsize = -0.3\n', r"own.toml: environment 'own': Goal.size is -0.3"),
+        ('robot = "point"\n[task]\ntype = "Circle"\nlidar.bins = 0\n', r"own.toml: Lidar.bins is 0: it must be"),
     ],
 )
 def test_other_faults_name_the_file(tmp_path: Path, text: str, message: str) -> None:
@@ -99,6 +104,89 @@ def test_other_faults_name_the_file(tmp_path: Path, text: str, message: str) -> 
 def test_a_missing_file_is_named() -> None:
     with pytest.raises(SpecError, match=r"nowhere.toml: cannot be read: .*No such file"):
         make_spec("nowhere.toml")
+
+
+def of(task: Task, *constraints: Constraint, scenery: tuple[Constraint, ...] = ()) -> EnvSpec:
+    return EnvSpec(name="own", robot="point", task=task, constraints=constraints, scenery=scenery)
+
+
+@pytest.mark.parametrize(
+    ("task", "constraint", "message"),
+    [
+        (Goal(size=-0.3), None, r"Goal.size is -0.3: it must be a finite number above 0"),
+        (Goal(size=math.inf), None, r"Goal.size is inf"),
+        (Goal(compass_axes=5), None, r"Goal.compass_axes is 5: it must be a whole number from 2 to 3"),
+        (Circle(radius=0.0), None, r"Circle.radius is 0.0"),
+        (Circle(bonus=True), None, r"Circle.bonus is True: it must be a finite number"),
+        (Defense(radius=-1.0), None, r"Defense.radius is -1.0"),
+        (Chase(targets=Targets(speed=-1.0)), None, r"Chase.targets.speed is -1.0"),
+        (Chase(targets=Targets(count=0)), None, r"Chase.targets.count is 0: it must be a whole number of at least 1"),
+        (Push(reach=-0.1), None, r"Push.reach is -0.1: it must be a number of at least 0"),
+        (Goal(), Hazards(count=1, weight=-1.0), r"Hazards.weight is -1.0: it must be a finite number of at least 0"),
+        (Goal(), Gremlins(count=1, weight=-1.0), r"Gremlins.weight is -1.0"),
+        (Goal(), Pillars(count=1, size=0), r"Pillars.size is 0"),
+        (Goal(), Vases(count=1, density=0.0), r"Vases.density is 0.0"),
+        (Goal(), Buttons(count=1, keepout="wide"), r"Buttons.keepout is 'wide'"),  # pyright: ignore[reportArgumentType]
+    ],
+)
+def test_numbers_that_mean_nothing_are_refused_by_term_and_field(
+    task: Task, constraint: Constraint | None, message: str
+) -> None:
+    with pytest.raises(SpecError, match=f"^environment 'own': {message}"):
+        of(task, *([constraint] if constraint else []))
+    if constraint:
+        with pytest.raises(SpecError, match=message):
+            of(task, scenery=(constraint,))
+
+
+def scene_of(term: Any) -> EnvSpec:
+    buttons = (Buttons(count=2),) if type(term).__name__ == "Button" else ()
+    return of(term, *buttons) if isinstance(term, Task) else of(Goal(), term)
+
+
+TERMS = [*(task() for task in TASKS.values()), *(constraint(count=1) for constraint in CONSTRAINTS.values())]
+
+
+@pytest.mark.parametrize("term", [*TERMS, Targets()], ids=lambda term: type(term).__name__)
+def test_no_number_of_any_term_may_be_nan_and_only_rewards_may_be_negative(term: Any) -> None:
+    def specified(**values: Any) -> EnvSpec:
+        changed = replace(term, **values)
+        return scene_of(Chase(targets=changed) if isinstance(term, Targets) else changed)
+
+    numbers = [f.name for f in fields(term) if type(getattr(term, f.name)) in (int, float)]
+    specified()
+    assert numbers
+    for name in numbers:
+        with pytest.raises(SpecError):
+            specified(**{name: math.nan})
+        if name not in ("bonus", "scale"):
+            with pytest.raises(SpecError):
+                specified(**{name: -1})
+
+
+def test_zero_weights_and_unlimited_distances_are_allowed() -> None:
+    vases = Vases(count=1, contact_weight=0.0, velocity_threshold=math.inf)
+    of(Chase(targets=Targets(sight=math.inf, speed=0.0), bonus=-1.0), vases, Hazards(count=0, keepout=0.0))
+
+
+def test_terms_that_declare_no_limits_are_not_checked() -> None:
+    """Those of users' packages: a name such as `weight` may mean something else there."""
+
+    @dataclass(frozen=True, kw_only=True)
+    class Puddles(Hazards):
+        weight: float = -1.0
+        size: Any = "narrow"
+
+        def objects(self) -> Any:
+            return Hazards(count=self.count).objects()
+
+    of(Goal(), Puddles(count=1))
+
+
+def test_a_scene_holds_a_bounded_number_of_things() -> None:
+    of(Goal(), Hazards(count=999))
+    with pytest.raises(SpecError, match=r"hazards: count is 600: a scene may hold 1000 things in all, not 1101"):
+        of(Goal(), Pillars(count=500), Hazards(count=600))
 
 
 anything = st.recursive(
