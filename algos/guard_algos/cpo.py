@@ -66,7 +66,7 @@ def direction(model: LocalModel) -> Step:
     r = np.array([float(b.dot(v)) for b in model.cost_gradients])
     S = np.array([[float(b.dot(w)) for w in W] for b in model.cost_gradients]).reshape(len(W), len(W))
     S = (S + S.T) / 2
-    movable = np.flatnonzero(np.diag(S) > 1e-12 * max(q, np.finfo(float).tiny))
+    movable = np.flatnonzero(np.diag(S) > 0.0)
     c, r, S = model.margins[movable], r[movable], S[np.ix_(movable, movable)]
     coefficients = optimum(q, r, S, c, model.radius)
     feasible = coefficients is not None

@@ -75,8 +75,7 @@ def direction(model: LocalModel, norm: Norm) -> Step:
     A constraint that has no gradient cannot be changed by a step and is left out.
     """
     y = trust_region.natural(model).delta
-    enough = 1e-12 * float(model.gradient.dot(model.gradient))
-    movable = [k for k, b in enumerate(model.cost_gradients) if float(b.dot(b)) > enough]
+    movable = [k for k, b in enumerate(model.cost_gradients) if bool(b.any())]
     B, c = [model.cost_gradients[k] for k in movable], model.margins[movable]
     W = [model.solve(b) if norm == "kl" else b for b in B]
     S = np.array([[float(b.dot(w)) for w in W] for b in B]).reshape(len(B), len(B))

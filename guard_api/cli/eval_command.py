@@ -48,16 +48,16 @@ def main(argv: Sequence[str]) -> int:
     if options.episodes < 1:
         raise SpecError(f"--episodes is {options.episodes}: it must be at least 1")
     run = RunDirectory.open(options.run)
-    backend = options.backend or str(run.manifest["backend"])
+    backend = options.backend or str(run.fact("backend"))
     policy = _load_policy(run, options.checkpoint)
-    spec = EnvSpec.from_json(run.manifest["spec"])
+    spec = EnvSpec.from_json(run.fact("spec"))
     worlds = min(options.num_worlds, options.episodes)
     env = make_environment(spec, backend=backend, num_worlds=worlds, seed=options.seed)
     try:
         table = evaluate(policy, env, options.episodes, deterministic=not options.stochastic)
     finally:
         env.close()
-    trained = f"{run.manifest['algorithm']}, trained in {run.manifest['backend']}"
+    trained = f"{run.fact('algorithm')}, trained in {run.fact('backend')}"
     if options.json:
         print_json(
             {
@@ -78,7 +78,7 @@ def _load_policy(run: RunDirectory, which: Literal["last", "best"]) -> Policy:
     if checkpoint is None:
         kind = "best checkpoint" if which == "best" else "checkpoint yet"
         raise RunError(f"{run.path}: has no {kind}: train it longer with `guard train --resume`")
-    return plugins.load("guard.algorithms", str(run.manifest["algorithm"])).load_policy(checkpoint)
+    return plugins.load("guard.algorithms", str(run.fact("algorithm"))).load_policy(checkpoint)
 
 
 def _print(title: str, table: EpisodeTable) -> None:

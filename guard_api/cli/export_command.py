@@ -35,14 +35,14 @@ def main(argv: Sequence[str]) -> int:
     """Run the command."""
     options = parse(Options, "export", argv, "Write a trained policy as ONNX, tested against the policy itself.")
     run = RunDirectory.open(options.run)
-    name, checkpoint = str(run.manifest["algorithm"]), run.last_checkpoint()
+    name, checkpoint = str(run.fact("algorithm")), run.last_checkpoint()
     if checkpoint is None:
         raise RunError(f"{run.path}: has no checkpoint yet: train it longer with `guard train --resume`")
     algorithm = plugins.load("guard.algorithms", name)
     if not hasattr(algorithm, "export_policy"):
         raise PluginError(f"algorithm {name!r} has no export_policy: its policies cannot be exported")
-    spec = EnvSpec.from_json(run.manifest["spec"])
-    with closing(make_environment(spec, backend=str(run.manifest["backend"]))) as env:
+    spec = EnvSpec.from_json(run.fact("spec"))
+    with closing(make_environment(spec, backend=str(run.fact("backend")))) as env:
         written = algorithm.export_policy(checkpoint, options.out, contract(env))
     if options.json:
         print_json({"out": str(options.out), **written})

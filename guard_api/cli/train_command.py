@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import shlex
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -21,6 +20,7 @@ from guard_api.errors import RunError
 from guard_api.measure.diagnosis import Finding
 from guard_api.measure.training import Training, is_trained, train
 from guard_api.runs.directory import RunDirectory
+from guard_api.spec import EnvSpec
 from guard_api.suite import make_spec
 
 Config = TypeVar("Config")
@@ -31,7 +31,8 @@ class Options(Generic[Config]):
     """What to train, where and for how long; the algorithm's own options follow."""
 
     env: str
-    """Environment, such as Goal_Point_8Hazards (`guard list envs`), or a TOML file that specifies one."""
+    """Environment, such as Goal_Point_8Hazards (`guard list envs`), or a TOML file that specifies one. Not needed to
+    --resume."""
     out: Path
     """Run directory to make, or to continue with --resume."""
     algo: str = "trpo"
@@ -59,11 +60,13 @@ class Options(Generic[Config]):
 
 def main(argv: Sequence[str]) -> int:
     """Run the command."""
-    argv = [*_recorded(argv), *argv]
-    options, algorithm = parse_with_algorithm(Options, "train", argv, "Train a policy on one backend.")
+    resumed = _resumed(argv)
+    options, algorithm = parse_with_algorithm(
+        Options, "train", argv, "Train a policy on one backend.", _recorded(resumed) if resumed else None
+    )
     training = Training(
         path=options.out,
-        spec=make_spec(options.env),
+        spec=EnvSpec.from_json(resumed.fact("spec")) if resumed else make_spec(options.env),
         backend=options.backend,
         algorithm=algorithm.name,
         config=options.algorithm,
@@ -89,13 +92,19 @@ def main(argv: Sequence[str]) -> int:
     return 0
 
 
-def _recorded(argv: Sequence[str]) -> list[str]:
-    """Return the options of the run that `argv` resumes without an environment; those in `argv` win over them."""
+def _resumed(argv: Sequence[str]) -> RunDirectory | None:
+    """Return the run that `argv` resumes without an environment, hence with its own options."""
     out = last_value(argv, "--out", "")
-    if "--resume" not in argv or not out or last_value(argv, "--env", ""):
-        return []
-    command = shlex.split(RunDirectory.open(Path(out)).manifest.get("command") or "")
-    return [word for word in command[2:] if word != "--json"] if command[:2] == ["guard", "train"] else []
+    return RunDirectory.open(Path(out)) if "--resume" in argv and out and not last_value(argv, "--env", "") else None
+
+
+def _recorded(run: RunDirectory) -> dict[str, Any]:
+    """Return the options that the run was started with, whatever command did it."""
+    names = {"env": "env", "algo": "algorithm", "backend": "backend", "seed": "seed", "num_worlds": "num_worlds"}
+    recorded = {option: run.fact(key) for option, key in names.items()}
+    preset = run.manifest.get("preset") or {"name": ""}
+    steps = float(run.fact("total_steps"))
+    return {**recorded, "total_steps": steps, "preset": preset["name"], "algorithm": run.config}
 
 
 def _preset(options: Any, algorithm: Algorithm) -> dict[str, Any] | None:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any, Final, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,9 @@ from guard_api.measure.statistics import Bootstrap, Estimate
 from guard_api.runs.atomic import read_json
 from guard_api.runs.directory import FORMAT
 from guard_api.runs.progress import read_rows
+
+FACTS: Final = ("env", "spec_fingerprint", "algorithm", "backend", "num_worlds", "seed")
+"""What the manifests of runs that are compared must hold."""
 
 
 class _HasEnvironment(Protocol):
@@ -124,6 +127,9 @@ def _runs(folder: Path) -> Iterable[Run]:
     for file in sorted(folder.rglob("manifest.json")):
         manifest = read_json(file, "restore it from a copy")
         rows = read_rows(file.parent / "progress.csv") if manifest.get("format") == FORMAT else []
+        missing = [key for key in FACTS if key not in manifest]
+        if rows and missing:
+            raise RunError(f"{file}: has no {missing[0]}: restore it from a copy, or train again")
         if rows:
             config = read_json(file.parent / "config.json", "restore it from a copy")
             found.append(Run(path=file.parent, manifest=manifest, config=config, rows=rows))
@@ -134,9 +140,7 @@ def _runs(folder: Path) -> Iterable[Run]:
 
 def _identity(run: Run) -> tuple[str, ...]:
     """Return all that must agree for two runs to be seeds of the same thing."""
-    manifest = run.manifest
-    names = ("env", "spec_fingerprint", "algorithm", "backend", "num_worlds")
-    return (*(str(manifest[name]) for name in names), json.dumps(_options(run), sort_keys=True))
+    return (*(str(run.manifest[name]) for name in FACTS if name != "seed"), json.dumps(_options(run), sort_keys=True))
 
 
 def _options(run: Run) -> dict[str, Any]:

@@ -149,31 +149,30 @@ def _opened(training: Training) -> Iterator[tuple[RunDirectory, bool]]:
     One that was made here is deleted where the training fails before its first row, as when the algorithm refuses its
     options: the corrected command shall find the folder free.
     """
-    made = not (training.path.exists() and any(training.path.iterdir()))
-    run, resume = _open(training)
-    with contextlib.closing(run):
+    path, manifest, config = training.path, _manifest(training), asdict(training.config)
+    made = not (path.exists() and any(path.iterdir()))
+    run = RunDirectory.create(path, manifest=manifest, config=config) if made else RunDirectory.open(path)
+    with run.locked(), contextlib.closing(run if made else _taken_up(training, run, manifest)) as run:
         try:
-            yield run, resume
+            yield run, run.last_checkpoint() is not None
         except Exception:
             if made and not run.rows() and run.last_checkpoint() is None:
                 run.delete()
             raise
 
 
-def _open(training: Training) -> tuple[RunDirectory, bool]:
-    """Return the run directory and whether it can be resumed; without a checkpoint it begins anew."""
-    path, manifest, config = training.path, _manifest(training), asdict(training.config)
-    if not (path.exists() and any(path.iterdir())):
-        return RunDirectory.create(path, manifest=manifest, config=config), False
-    run = RunDirectory.open(path)
+def _taken_up(training: Training, run: RunDirectory, manifest: dict[str, Any]) -> RunDirectory:
+    """Return the run as the training goes on with it from the last checkpoint; without one it begins anew."""
     resume = run.last_checkpoint() is not None
     if resume or run.rows():  # otherwise it never began
         _check(training, run, manifest)
-    (path / FINISHED).unlink(missing_ok=True)  # of fewer steps
     if resume:
-        return run, True
-    (path / DIAGNOSIS).unlink(missing_ok=True)
-    return run.restart(manifest=manifest, config=config), False
+        run.set_total_steps(training.total_steps)
+    (training.path / FINISHED).unlink(missing_ok=True)  # of fewer steps
+    if resume:
+        return run
+    (training.path / DIAGNOSIS).unlink(missing_ok=True)
+    return run.restart(manifest=manifest, config=asdict(training.config))
 
 
 def _manifest(training: Training) -> dict[str, Any]:

@@ -74,13 +74,28 @@ def write_folder(path: Path, fill: Callable[[Path], None]) -> None:
             temporary.chmod(0o755)
             fill(temporary)
             sync_folder(temporary)
-            if path.exists():
-                shutil.rmtree(path)
-            temporary.rename(path)
+            with _out_of_the_way(path):
+                temporary.rename(path)
         except BaseException:
             shutil.rmtree(temporary, ignore_errors=True)
             raise
         sync_folder(path.parent)
+
+
+@contextlib.contextmanager
+def _out_of_the_way(path: Path) -> Iterator[None]:
+    """Move what is at `path` aside for the block, then delete it; put it back where the block fails."""
+    if not path.exists():
+        yield
+        return
+    aside = path.with_name(f".{path.name}.{os.getpid()}.old.tmp")
+    path.rename(aside)
+    try:
+        yield
+    except BaseException:
+        aside.rename(path)
+        raise
+    shutil.rmtree(aside)
 
 
 def sync_folder(path: Path) -> None:

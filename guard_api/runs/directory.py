@@ -6,17 +6,18 @@ These are `manifest.json` and `config.json`; `progress.csv` and TensorBoard even
 from __future__ import annotations
 
 import contextlib
+import os
 import shutil
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from guard_api.errors import RunError
-from guard_api.runs.atomic import disk_errors, read_json, write_folder, write_json
+from guard_api.runs.atomic import disk_errors, read_json, write_json
 from guard_api.runs.checkpoint import NUMBERED, save_checkpoint
-from guard_api.runs.progress import ProgressLog
+from guard_api.runs.progress import KEYS, ProgressLog
 from guard_api.runs.tensorboard import EventLog
 
 FORMAT = "guard-run-1"
@@ -47,8 +48,14 @@ class RunDirectory:
         path = Path(path)
         if path.exists() and not (path.is_dir() and not any(path.iterdir())):
             raise RunError(f"{path}: exists and is not empty: choose another folder, or resume the run with --resume")
-        whole = {"format": FORMAT, **manifest}
-        write_folder(path, lambda folder: _describe(folder, whole, config))
+        whole, made = {"format": FORMAT, **manifest}, not path.exists()
+        try:
+            _describe(path, whole, config)
+        except BaseException:
+            with contextlib.suppress(OSError):
+                if made:
+                    path.rmdir()
+            raise
         return cls(path, whole, dict(config))
 
     @classmethod
@@ -65,6 +72,41 @@ class RunDirectory:
             found = manifest.get("format")
             raise RunError(f"{path / 'manifest.json'}: format {found!r} is not {FORMAT!r}: not a run of this GUARD")
         return cls(path, manifest, read_json(path / "config.json", remedy))
+
+    def fact(self, key: str) -> Any:
+        """Return what the manifest says under `key`. Raises RunError where it says nothing."""
+        if key not in self.manifest:
+            raise RunError(f"{self.path / 'manifest.json'}: has no {key}: restore it from a copy, or train again")
+        return self.manifest[key]
+
+    @contextlib.contextmanager
+    def locked(self) -> Iterator[None]:
+        """Keep other processes from training here for the block. Raises RunError where one is at it.
+
+        The system releases the lock of a killed process. Where the file system has no locks, none is kept away.
+        """
+        if os.name != "posix":
+            yield
+            return
+        import fcntl  # noqa: PLC0415  there is none elsewhere
+
+        handle = os.open(self.path, os.O_RDONLY)
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(handle)
+            raise RunError(f"{self.path}: another process is training here: wait, or choose another folder") from None
+        except OSError:
+            pass
+        try:
+            yield
+        finally:
+            os.close(handle)
+
+    def set_total_steps(self, total_steps: int) -> None:
+        """Say in the manifest that the training now goes to `total_steps`."""
+        self.manifest["total_steps"] = total_steps
+        write_json(self.path / "manifest.json", self.manifest)
 
     def restart(self, *, manifest: Mapping[str, Any], config: Mapping[str, Any]) -> RunDirectory:
         """Begin the run anew in its folder and return it; files that a run does not write stay as they are."""
@@ -97,7 +139,7 @@ class RunDirectory:
 
     def log(self, row: Mapping[str, float]) -> None:
         """Append one row, with the keys `epoch` and `total_steps`, to progress.csv and the TensorBoard events."""
-        missing = {"epoch", "total_steps"} - row.keys()
+        missing = set(KEYS) - row.keys()
         if missing:
             raise ValueError(f"a metrics row needs {sorted(missing)}")
         self._progress.append(row)
@@ -157,5 +199,13 @@ class RunDirectory:
 
 
 def _describe(folder: Path, manifest: Mapping[str, Any], config: Mapping[str, Any]) -> None:
-    write_json(folder / "config.json", dict(config))
-    write_json(folder / "manifest.json", manifest)
+    """Write what the run is. The folder itself stays: it may be a link, or where a disk is mounted."""
+    files = {"config.json": dict(config), "manifest.json": manifest}
+    try:
+        for name, data in files.items():
+            write_json(folder / name, data)
+    except BaseException:
+        for name in files:  # half a description would block the folder
+            with contextlib.suppress(OSError):
+                (folder / name).unlink(missing_ok=True)
+        raise

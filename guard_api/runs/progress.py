@@ -11,6 +11,9 @@ from pathlib import Path
 from guard_api.errors import RunError
 from guard_api.runs.atomic import disk_errors, write_text
 
+KEYS = ("epoch", "total_steps")
+"""What every row holds."""
+
 
 class ProgressLog:
     """Rows of named numbers in a CSV file. Numbers are written so that reading returns the same bits.
@@ -47,8 +50,7 @@ class ProgressLog:
         """Return the names of the columns, in the order of the file."""
         if not self.path.exists():
             return []
-        with self.path.open(newline="") as file:
-            return next(csv.reader(file), [])
+        return next(csv.reader(io.StringIO(_text(self.path))), [])
 
     def rows(self) -> list[dict[str, float]]:
         """Return every row, without its empty columns. Raises RunError for a cell that is not a number."""
@@ -79,20 +81,39 @@ class ProgressLog:
 def read_rows(path: Path) -> list[dict[str, float]]:
     """Return the rows of the log at `path`, none where there is no file; changes nothing, so a run may be writing it.
 
-    A torn last line is left out, and so are empty columns. Raises RunError for a cell that is not a number.
+    A torn last line is left out, and so are empty columns. Raises RunError for a file that is no text, a cell that is
+    not a number, and epochs that do not rise, as when two trainings wrote into one file.
     """
     if not path.exists():
         return []
-    text = path.read_text()
+    text = _text(path)
     whole = io.StringIO(text[: text.rfind("\n") + 1])
-    return [_parse(path, row, number) for number, row in enumerate(csv.DictReader(whole), start=2)]
+    rows: list[dict[str, float]] = []
+    for number, cells in enumerate(csv.DictReader(whole), start=2):
+        rows.append(_parse(path, cells, number))
+        if len(rows) > 1 and rows[-1]["epoch"] <= rows[-2]["epoch"]:
+            raise RunError(
+                f"{path}:{number}: epoch {rows[-1]['epoch']:g} after {rows[-2]['epoch']:g}: repair or delete this line"
+            )
+    return rows
 
 
-def _parse(path: Path, row: Mapping[str, str | None], number: int) -> dict[str, float]:
+def _text(path: Path) -> str:
     try:
-        return {name: float(text) for name, text in row.items() if text}
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise RunError(f"{path}: cannot be read ({error}): restore it from a copy") from error
+
+
+def _parse(path: Path, cells: Mapping[str, str | None], number: int) -> dict[str, float]:
+    try:
+        row = {name: float(text) for name, text in cells.items() if text}
     except (TypeError, ValueError) as error:
         raise RunError(f"{path}:{number}: {error}: repair or delete this line") from error
+    missing = [name for name in KEYS if name not in row]
+    if missing:
+        raise RunError(f"{path}:{number}: no {missing[0]}: repair or delete this line")
+    return row
 
 
 def _line(columns: Sequence[str], row: Mapping[str, float]) -> str:

@@ -171,6 +171,13 @@ def test_foreign_and_damaged_directories(trained: Path, tmp_path: Path, capsys: 
     assert code == 2
     assert "tensors.safetensors" in err
 
+    manifest = json.loads((damaged / "manifest.json").read_text())
+    (damaged / "manifest.json").write_text(json.dumps({"format": manifest["format"]}))
+    for command in (["eval"], ["export", "--out", str(tmp_path / "x.onnx")], ["report"], ["plot", "--out", str(tmp_path)]):
+        code, _, err = guard([command[0], str(damaged), *command[1:]], capsys)
+        assert code == 2
+        assert "manifest.json: has no " in err
+
 
 def start(arguments: list[str], **kwargs) -> subprocess.Popen[str]:
     command = [sys.executable, "-m", "guard_api.cli", *arguments]

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import shlex
+import shutil
 import sys
 from pathlib import Path
 
 import pytest
 
 from guard_api.cli.main import run
+from guard_api.runs.directory import RunDirectory
 
 TRAIN = ["train", "--env", "Goal_Point_8Hazards", "--backend", "mujoco", "--num-worlds", "1", "--value-iterations", "1"]
 EPOCH = ["--steps-per-epoch", "1000"]
@@ -51,17 +53,39 @@ def test_other_options_are_refused_with_the_command_that_made_the_run(
         assert f"`{shlex.join(['guard', *arguments])}`" in message
 
 
-def test_a_run_goes_on_with_its_own_options(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_run_goes_on_with_its_own_options(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Also with the steps that an earlier resumption set, which an interruption came before."""
     place = ["--out", str(tmp_path / "run")]
-    arguments = [*TRAIN, *EPOCH, "--algo", "cpo", "--cost-limit", "3", "--total-steps", "1000", *place, "--json"]
-    monkeypatch.setattr(sys, "argv", ["guard", *arguments])
-    assert run(arguments) == 0
+    limits = ["--algo", "cpo", "--cost-limit", "3", "--seed", "4"]
+    assert run([*TRAIN, *EPOCH, *limits, "--total-steps", "1000", *place]) == 0
+    assert run(["train", "--resume", *place, "--total-steps", "2000"]) == 0
     capsys.readouterr()
-    assert run(["train", "--resume", *place, "--total-steps", "2000", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["total_steps"] == 2000
     config = json.loads((tmp_path / "run" / "config.json").read_text())
     assert (config["cost_limit"], config["value_iterations"]) == (3.0, 1)
+    (tmp_path / "run" / "finished.json").unlink()
+    shutil.rmtree(tmp_path / "run" / "checkpoints" / "000002")
+    assert run(["train", "--resume", *place, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["total_steps"] == 2000
     assert run(["train", "--resume", *place]) == 0
     assert "already trained for 2,000 steps" in capsys.readouterr().out.replace("\n", "")
+
+
+def test_only_one_process_trains_in_a_run_directory(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = [*TRAIN, *EPOCH, "--total-steps", "1000", "--out", str(tmp_path / "run")]
+    assert run(arguments) == 0
+    with RunDirectory.open(tmp_path / "run").locked():
+        assert run([*arguments[:-1], str(tmp_path / "run"), "--resume", "--total-steps", "2000"]) == 2
+        assert "another process is training here" in capsys.readouterr().err
+    assert run(["train", "--resume", "--out", str(tmp_path / "run"), "--total-steps", "2000"]) == 0
+
+
+@pytest.mark.parametrize("place", ["link", "."])
+def test_an_empty_folder_is_trained_in_whatever_it_is(
+    place: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "disk").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "disk")
+    monkeypatch.chdir(tmp_path / ("disk" if place == "." else "."))
+    assert run([*TRAIN, *EPOCH, "--total-steps", "1000", "--out", place]) == 0
+    assert (tmp_path / "disk" / "manifest.json").exists()
+    assert (tmp_path / "link").is_symlink()

@@ -100,6 +100,22 @@ def test_a_cell_that_is_no_number_names_its_line(run: RunDirectory):
         run.rows()
 
 
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        (b"\xff\xfe,1\n", "cannot be read"),
+        (b"1,2\n", r":3: epoch 1 after 1: repair or delete"),
+        (b",2\n", r":3: no epoch"),
+    ],
+)
+def test_a_damaged_log_is_told_in_one_line(run: RunDirectory, line: bytes, message: str):
+    run.log({"epoch": 1, "total_steps": 100})
+    log = run.path / "progress.csv"
+    log.write_bytes(log.read_bytes() + line)
+    with pytest.raises(RunError, match=message):
+        run.rows()
+
+
 def test_truncate_log_drops_later_epochs(run: RunDirectory):
     for epoch in range(1, 6):
         run.log({"epoch": epoch, "total_steps": 10 * epoch, "return": float(epoch)})
