@@ -10,6 +10,7 @@ import pytest
 from guard_api import plugins
 from guard_api.model.library import load_robot, robot_names
 from guard_api.testing import robots
+from guard_api.testing.checks.mechanics import held_bias_force
 from guard_api.testing.checks.own_robot import OF_ROBOTS, robot_checks
 from guard_api.testing.checks.rest import lies_on_floor
 from guard_api.testing.conformance import run_check
@@ -154,3 +155,14 @@ def test_a_gap_of_an_engine_excuses_only_the_robots_that_need_it():
     assert run_check(faulty, of_robot("stops_hold", ARM)).status == "gap"
     sound = FaultyBackend(gaps={"stops_hold": "it bounces"})
     assert run_check(sound, of_robot("stops_hold", ARM)).status == "passed"
+
+
+def test_a_balanced_robot_is_the_same_robot(backend_name, tmp_path):
+    """Its weights cancel about the hinge: the bias force is rounding on every engine, and in the reference too."""
+    inertial = "<inertial><mass value='2'/><inertia ixx='0.03' iyy='0.03' izz='0.03'/></inertial>"
+    links = "".join(f"<link name='{name}'>{inertial}</link>" for name in ("base", "fan"))
+    hinge = "<parent link='base'/><child link='fan'/><origin xyz='0.1 0.05 0.2'/><axis xyz='0 1 0'/>"
+    file = tmp_path / "fan.urdf"
+    file.write_text(f"<robot name='fan'>{links}<joint name='hinge' type='continuous'>{hinge}</joint></robot>")
+    finding = held_bias_force(plugins.load("guard.backends", backend_name), load_robot(str(file)))
+    assert finding.holds, finding

@@ -15,7 +15,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 from guard_api.algorithm import Algorithm, find_preset, whole_episodes
 from guard_api.cli.interrupt import stop_request
 from guard_api.cli.options import last_value, parse_with_algorithm, whole_steps
-from guard_api.cli.output import print_json, print_table
+from guard_api.cli.output import print_json, print_line, print_table
 from guard_api.errors import RunError
 from guard_api.measure.diagnosis import Finding
 from guard_api.measure.training import Training, is_trained, train
@@ -151,12 +151,12 @@ def _train(training: Training, workers: int | None, steps: int, quiet: bool) -> 
             progress.update(bar, completed=row["total_steps"], metrics=metrics)
 
         def warn(finding: Finding) -> None:
-            if quiet:  # the output is JSON
-                print(f"warning: {finding}", file=sys.stderr)
-            else:
-                progress.console.print(f"warning: {finding}", markup=False)
+            print_line(f"warning: {finding}", progress.console, quiet)
 
-        return train(training, report, stop, workers, warn)
+        def note(sentence: str) -> None:
+            print_line(f"approximation: {sentence}", progress.console, quiet)
+
+        return train(training, report, stop, workers, warn, note)
 
 
 def _print_summary(run: RunDirectory, as_json: bool) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -69,11 +69,13 @@ def train(
     should_stop: Callable[[], bool],
     workers: int | None = None,
     warn: Callable[[Finding], None] = lambda finding: None,
+    note: Callable[[str], None] = lambda sentence: None,
 ) -> bool:
     """Train it, going on from its last checkpoint if there is one; return whether it is finished.
 
     report: called with the metrics row after every epoch. warn: called with what goes wrong (`diagnosis`), of which
-    `diagnosis.jsonl` keeps the whole list. Raises RunError where the run directory is of another
+    `diagnosis.jsonl` keeps the whole list. note: called before the first epoch with what the simulator can only
+    approximate, which the manifest keeps. Raises RunError where the run directory is of another
     training, naming what differs, and whatever the plugins raise.
     """
     if is_trained(training):
@@ -89,7 +91,9 @@ def train(
         workers=workers,
     )
     try:
-        with _opened(training) as (run, resume):
+        with _opened(training, env.world.approximations) as (run, resume):
+            for sentence in env.world.approximations:
+                note(sentence)
             doctor = _Doctor(run, cost_limits(training.config), env.action_size, warn)
 
             def after_epoch(row: Mapping[str, float]) -> None:
@@ -143,13 +147,14 @@ class _Doctor:
 
 
 @contextlib.contextmanager
-def _opened(training: Training) -> Iterator[tuple[RunDirectory, bool]]:
+def _opened(training: Training, approximations: Sequence[str]) -> Iterator[tuple[RunDirectory, bool]]:
     """Open the run directory for the block, with whether it can be resumed.
 
     One that was made here is deleted where the training fails before its first row, as when the algorithm refuses its
     options: the corrected command shall find the folder free.
     """
-    path, manifest, config = training.path, _manifest(training), asdict(training.config)
+    path, config = training.path, asdict(training.config)
+    manifest = {**_manifest(training), "approximations": list(approximations)}
     made = not (path.exists() and any(path.iterdir()))
     run = RunDirectory.create(path, manifest=manifest, config=config) if made else RunDirectory.open(path)
     with run.locked(), contextlib.closing(run if made else _taken_up(training, run, manifest)) as run:
