@@ -138,7 +138,7 @@ def _targets(records: Records) -> list[Table]:
             cells = [_figure(figure, values.get((robot, backend), {})) for backend in backends]
             rows.append((robot, f"{figure.name} [{figure.unit}]", f"{figure.guard:g}", *cells, figure.why))
     columns = ("robot", "figure", "GUARD", *backends, "why it differs")
-    title = f"GUARD's own figures; a star: more than {NEAR:.0%} from them"
+    title = f"GUARD's own figures; a star: more than {NEAR:.0%} from them, beside what they are known to"
     return [Table(title=title, columns=columns, rows=tuple(rows))] + (
         [_refusals(records)] if any("error" in record for record in records) else []
     )
@@ -272,6 +272,8 @@ def _foot(records: Records) -> list[str]:
     engines: dict[str, str] = {}
     for record in records:
         engines |= record["engines"]
-    commits = {str((record["manifest"]["git"] or {}).get("commit", "?"))[:7] for record in records}
+    states = [record["manifest"]["git"] or {} for record in records]
+    commits = {str(git.get("commit", "?"))[:7] + ("+" if git.get("dirty") else "") for git in states}
+    changed = " (+: with changes)" if any(commit.endswith("+") for commit in commits) else ""
     versions = ", ".join(f"{name} {version}" for name, version in sorted(engines.items()))
-    return [f"Measured with {versions}, at commits {', '.join(sorted(commits))}."] if records else []
+    return [f"Measured with {versions}, at commits {', '.join(sorted(commits))}{changed}."] if records else []
