@@ -123,6 +123,7 @@ class Environment:
     def step(self, action: NDArray[np.floating]) -> Step:
         """Advance every world by one step under `action` (N, A) in [-1, 1] (clipped to the actuators' ranges).
 
+        An action that is not finite, NaN or infinite, is not clipped: it fails its world, which ends that episode.
         Worlds whose episode ended start their next one in the same step.
         """
         action = np.asarray(action, dtype=np.float64)

@@ -218,6 +218,28 @@ class Raising(IdealWorld):
         super().step(control, substeps)
 
 
+class Clipping(IdealWorld):
+    """Clips what is infinite."""
+
+    def step(self, control, substeps):
+        super().step(np.clip(control, -1e9, 1e9), substeps)
+
+
+class Deserted(IdealWorld):
+    """Raises when no world is left to step."""
+
+    def step(self, control, substeps):
+        super().step(control, substeps)
+        np.stack([row for row, ok in zip(control, self._data["ok"], strict=True) if ok])
+
+
+class Undead(IdealWorld):
+    """Steps on after it was closed."""
+
+    def close(self):
+        pass
+
+
 class SilentReset(IdealWorld):
     """Puts a world that failed back to zero and says that all is well."""
 

@@ -10,13 +10,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Protocol, runtime_checkable
+from typing import Final, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from guard_api.physics.state import Array, Inspection, Mask, Start, State
 from guard_api.scene.spec import SceneSpec
+
+CLOSED: Final = "this world is closed: build another one"
+"""What the BackendError of a closed world says."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,6 +45,8 @@ class Capabilities:
 class World(Protocol):
     """N independent copies of a scene. World i behaves the same whatever N is and whatever the others do.
 
+    Once closed, it raises BackendError with the message `CLOSED`.
+
     approximations: what of the scene this engine could not express exactly, one sentence each.
     """
 
@@ -56,8 +61,9 @@ class World(Protocol):
     def step(self, control: NDArray[np.floating], substeps: int) -> None:
         """Advance all worlds by exactly `substeps` timesteps under `control` (N, U), held constant.
 
-        The actuation law of `guard_api.physics.actuation` is evaluated at every substep. Worlds that are not `ok` stay
-        as they are.
+        The actuation law of `guard_api.physics.actuation` is evaluated at every substep; it clips controls to their
+        ranges. A world whose row of `control` is not finite, NaN or infinite, fails: it is not `ok` from then on.
+        Worlds that are not `ok` stay as they are; all may be so at once.
         """
         ...
 

@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from guard_api.errors import BackendError
-from guard_api.physics.backend import Backend
+from guard_api.physics.backend import CLOSED, Backend
 from guard_api.physics.shard_worker import Job
 from guard_api.physics.shared_arrays import SharedArrays
 from guard_api.physics.state import Array, Inspection, Mask, Start, State
@@ -140,7 +140,7 @@ class ShardedWorld:
 
     def close(self) -> None:
         """End the workers and free the memory."""
-        self._broken = self._broken or "the world is closed: build another"
+        self._broken = self._broken or CLOSED
         self._release()
         self._memory.close()
 

@@ -167,7 +167,7 @@ def test_closing_leaves_no_process_and_no_memory() -> None:
     assert children() == before
     assert len(set(Path("/proc/self/fd").iterdir())) == len(files)
     assert set(Path("/dev/shm").iterdir()) <= shared
-    with pytest.raises(BackendError, match="closed"):
+    with pytest.raises(BackendError, match="this world is closed: build another one"):
         world.step(np.zeros((4, 1)), 1)
 
 

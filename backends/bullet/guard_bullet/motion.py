@@ -64,19 +64,19 @@ class RobotMotion:
 
     def read_joints(self, worlds: list[int], instances: list[Instance]) -> None:
         """Fetch the joints of `worlds`; `instances` are all N engine instances."""
-        if not self.q.shape[1]:
+        if not worlds or not self.q.shape[1]:
             return
         read, rows = pybullet.getJointStates, []
         for world in worlds:
             instance = instances[world]
             rows.append([state[:2] for state in read(instance.robot, instance.joints, instance.client)])
-        joints = np.array(rows).reshape(len(worlds), self.q.shape[1], -1)
+        joints = np.array(rows).reshape(len(worlds), self.q.shape[1], 2)
         worlds, joints = self._only_sound(worlds, joints, joints[:, :, 1])
         self.q[worlds], self.qd[worlds] = joints[:, :, 0], joints[:, :, 1]
 
     def read_base(self, worlds: list[int], instances: list[Instance]) -> None:
         """Fetch the floating base of `worlds`; a fixed base stays where the start put it."""
-        if not self.floating:
+        if not worlds or not self.floating:
             return
         rows = []
         for world in worlds:

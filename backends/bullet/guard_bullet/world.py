@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from guard_api.errors import BackendError
 from guard_api.model.kinematics import Kinematics
+from guard_api.physics.backend import CLOSED
 from guard_api.physics.state import Array, Inspection, Mask, Start, State
 from guard_api.scene.spec import SceneSpec
 from guard_bullet.bodies import Bodies
@@ -25,7 +26,7 @@ class BulletWorld:
         self.scene = scene
         self.num_worlds = num_worlds
         self.approximations = approximations(scene)
-        self._instances: list[Instance] = []
+        self._engines: list[Instance] | None = []
         try:
             for _ in range(num_worlds):
                 self._instances.append(build_instance(scene))
@@ -88,7 +89,9 @@ class BulletWorld:
         self._bodies.aim(bodies, position, quaternion)
 
     def state(self) -> State:
-        """Return the present state; the engine is not asked for anything."""
+        """Return the present state; the engine is not asked for anything, but must be there."""
+        if self._engines is None:
+            raise BackendError(CLOSED)
         bodies, drive = self._bodies, self._drive
         if drive and self._kinematics:
             motion = drive.motion
@@ -137,9 +140,15 @@ class BulletWorld:
 
     def close(self) -> None:
         """Free all engine instances."""
-        for instance in self._instances:
+        for instance in self._engines or ():
             disconnect(instance.client)
-        self._instances.clear()
+        self._engines = None
+
+    @property
+    def _instances(self) -> list[Instance]:
+        if self._engines is None:
+            raise BackendError(CLOSED)
+        return self._engines
 
     def _active(self) -> list[int]:
         return np.flatnonzero(self._ok).tolist()

@@ -49,8 +49,10 @@ class RobotControl:
 
     def _heights(self, copies: Sequence[Copy]) -> Array:
         """Return the heights of the thrust links' origins: (n, T) [m]."""
-        links = [[_robot_of(copy).links[i] for i in self.law.thrust_link] for copy in copies]
-        return np.array([[link.entity_pose.p[2] for link in row] for row in links], float).reshape(len(copies), -1)
+        numbers = self.law.thrust_link
+        links = [[_robot_of(copy).links[i] for i in numbers] for copy in copies]
+        heights = np.array([[link.entity_pose.p[2] for link in row] for row in links], float)
+        return heights.reshape(len(copies), len(numbers))
 
     def run(self, copies: Sequence[Copy], control: Array) -> Callable[[], Array]:
         """Return a function that sets the forces of one substep in `copies` under `control` (n, U).

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from guard_api import rotations
 from guard_api.errors import BackendError
 from guard_api.model.kinematics import Kinematics
+from guard_api.physics.backend import CLOSED
 from guard_api.physics.state import Array, Inspection, Mask, Start, State, is_sound
 from guard_api.scene.spec import SceneSpec
 from guard_sapien import contacts
@@ -32,7 +33,7 @@ class SapienWorld:
         self.scene, self.num_worlds = scene, num_worlds
         table = ContactTable(scene)
         self.approximations = (*table.approximations, *cylinder_notes(scene))
-        self._fleet = Fleet(scene, num_worlds, table)
+        self._engine: Fleet | None = Fleet(scene, num_worlds, table)
         self._control = RobotControl(scene.robot, self._fleet.copies[0]) if scene.robot else None
         self._kinematics = Kinematics(scene.robot) if scene.robot else None
         self._record = Record(scene, num_worlds)
@@ -121,8 +122,13 @@ class SapienWorld:
 
     def close(self) -> None:
         """Release the scenes."""
-        self._fleet.copies.clear()
-        self._contacts = None
+        self._engine = self._contacts = None
+
+    @property
+    def _fleet(self) -> Fleet:
+        if self._engine is None:
+            raise BackendError(CLOSED)
+        return self._engine
 
     def _saved(self) -> list[np.ndarray]:
         return [*self._record.arrays(), *self._drives.arrays()]

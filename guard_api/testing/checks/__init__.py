@@ -3,6 +3,7 @@
 from guard_api.testing.checks import (
     actuation,
     contact,
+    failure,
     frames,
     isolation,
     mechanics,
@@ -26,6 +27,7 @@ _MODULES = (
     thrust,
     touch,
     isolation,
+    failure,
     snapshot,
     motion,
     contact,

@@ -19,7 +19,7 @@ from guard_api.errors import BackendError
 from guard_api.model.dynamics import Dynamics, solve
 from guard_api.model.robot import RobotModel
 from guard_api.physics.actuation import ActuationLaw
-from guard_api.physics.backend import Capabilities
+from guard_api.physics.backend import CLOSED, Capabilities
 from guard_api.physics.state import Inspection, Mask, Start, State, is_sound, state_shapes
 from guard_api.scene.spec import SceneSpec
 from guard_api.scene.start import home_start
@@ -66,7 +66,7 @@ class IdealWorld:
         limits = [joint.limits or (-np.inf, np.inf) for joint in joints]
         self._lower, self._upper = np.array(limits).reshape(-1, 2).T
         home = home_start(scene, num_worlds)
-        self._data: Data = {item.name: getattr(home, item.name) for item in fields(Start)}
+        self._arrays: Data | None = {item.name: getattr(home, item.name) for item in fields(Start)}
         self._data |= {"time": np.zeros(num_worlds), "ok": np.ones(num_worlds, bool)}
         self._data["joint_effort"] = np.zeros_like(home.joint_position)
         self._data |= {"target_position": home.body_position, "target_quaternion": home.body_quaternion}
@@ -81,7 +81,10 @@ class IdealWorld:
         self._data = _merge(mask, fresh, self._data)
 
     def step(self, control: NDArray[np.floating], substeps: int) -> None:
-        """Advance by `substeps` under `control` (N, U); a world that fails keeps its state from before the step."""
+        """Advance by `substeps` under `control` (N, U); a world that fails keeps its state from before the step.
+
+        A control that is not finite fails its world, although the law would clip an infinite one.
+        """
         if np.shape(control) != self._control.shape:
             raise BackendError(f"control has shape {np.shape(control)}: give one row per world, {self._control.shape}")
         if substeps < 1:
@@ -101,6 +104,7 @@ class IdealWorld:
         now["time"] = now["time"] + substeps * self.scene.timestep
         sound = [is_sound(array, array[:, :0]) if array.ndim > 1 else np.isfinite(array) for array in now.values()]
         sound += [is_sound(speeds, speeds) for speeds in self._speeds(now)]
+        sound.append(np.logical_and.reduce(np.isfinite(self._control), axis=1))
         now["ok"] = self._data["ok"] & np.logical_and.reduce(sound)
         self._data = _merge(now["ok"], now, self._data) | {"ok": now["ok"]}
 
@@ -164,7 +168,18 @@ class IdealWorld:
         self.step(self._control, substeps)
 
     def close(self) -> None:
-        """Nothing to release."""
+        """Forget the worlds."""
+        self._arrays = None
+
+    @property
+    def _data(self) -> Data:
+        if self._arrays is None:
+            raise BackendError(CLOSED)
+        return self._arrays
+
+    @_data.setter
+    def _data(self, arrays: Data) -> None:
+        self._arrays = arrays
 
     def _move_robot(self, robot: Dynamics, now: Data, geared: Array, thrust: Array) -> Data:
         q, qd, h = now["joint_position"], now["joint_velocity"], self.scene.timestep
