@@ -3,10 +3,14 @@
 Importing this module registers every environment of the suite, so that
 `gymnasium.make("guard_api.gym:guard/Goal_Point_8Hazards-v0", backend="bullet")` works in one line. Observations are
 flat, (O,), or with `observations="dict"` a dictionary of the readings by name, such as "goal_compass".
+
+An environment made without a seed draws one. `np_random_seed` is the present seed: `reset(seed=...)` with it repeats
+the episodes from the first.
 """
 
 from __future__ import annotations
 
+import secrets
 from typing import Any, Literal, TypeAlias
 
 import gymnasium
@@ -30,23 +34,29 @@ class GuardEnv(gymnasium.Env[Observation, NDArray[Any]]):
     """One world as a Gymnasium environment; `info["cost"]` is the summed cost, `info["costs"]` each by name.
 
     An unseeded `reset` goes on to the next episode of the current seed.
+    seed: None draws one, below 2**31.
     """
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 - Gymnasium declares it so
 
-    def __init__(self, env: str | EnvSpec, backend: str = "mujoco", seed: int = 0, observations: Form = "flat") -> None:
+    def __init__(
+        self, env: str | EnvSpec, backend: str = "mujoco", seed: int | None = None, observations: Form = "flat"
+    ) -> None:
         self._form: Form = _checked(observations)
+        seed = _drawn(seed)
         self.environment = make_environment(env, backend=backend, num_worlds=1, seed=seed, workers=1)
+        super().reset(seed=seed)
         self.observation_space = observation_space(self.environment, self._form)
         self.action_space = action_space(self.environment)
         self.cost_names = self.environment.cost_names
         self._episode = -1
-        self._ended = False
+        self._ended = True
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Start an episode: the first of `seed` when one is given, else the next."""
+        """Start an episode: the first of `seed` when one is given, else the next. Raises SpecError for any option."""
+        _refuse(options)
         super().reset(seed=seed)
         self._episode = 0 if seed is not None else self._episode + 1
         self._ended = False
@@ -54,9 +64,12 @@ class GuardEnv(gymnasium.Env[Observation, NDArray[Any]]):
         return formed(self.environment, observation, self._form), {}
 
     def step(self, action: NDArray[np.floating]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Advance one step; return observation, reward, terminated, truncated, info."""
+        """Advance one step; return observation, reward, terminated, truncated, info.
+
+        Raises ResetNeeded before the first `reset` and after the end of an episode.
+        """
         if self._ended:
-            raise gymnasium.error.ResetNeeded("the episode is over: call reset() before step()")
+            raise gymnasium.error.ResetNeeded("no episode has begun, or it is over: call reset() before step()")
         step = self.environment.step(np.asarray(action, dtype=np.float64)[None])
         self._ended = bool(step.terminated[0] or step.truncated[0])
         info = {
@@ -80,6 +93,7 @@ class GuardVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
 
     `info` holds "cost" (N,), "costs" (name -> (N,)) and "success" (N,); in a step that ends episodes also "final_obs"
     and "final_info" with their masks, as Gymnasium's same-step autoreset asks for.
+    seed: None draws one, below 2**31.
     """
 
     metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": AutoresetMode.SAME_STEP}  # noqa: RUF012
@@ -89,12 +103,14 @@ class GuardVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
         env: str | EnvSpec,
         num_envs: int = 1,
         backend: str = "mujoco",
-        seed: int = 0,
+        seed: int | None = None,
         workers: int | None = None,
         observations: Form = "flat",
     ) -> None:
         self._form: Form = _checked(observations)
+        seed = _drawn(seed)
         self.environment = make_environment(env, backend=backend, num_worlds=num_envs, seed=seed, workers=workers)
+        super().reset(seed=seed)
         self.num_envs = num_envs
         self.single_observation_space = observation_space(self.environment, self._form)
         self.single_action_space = action_space(self.environment)
@@ -105,7 +121,11 @@ class GuardVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Start all worlds: at the first episode of `seed` when one is given, else at later episodes of the old one."""
+        """Start all worlds: at the first episode of `seed` when one is given, else at later episodes of the old one.
+
+        Raises SpecError for any option, "reset_mask" among them: worlds restart on their own.
+        """
+        _refuse(options)
         super().reset(seed=seed)
         # Worlds restart on their own in between; a gap of a million keeps manual resets clear of those episodes.
         self._resets = 0 if seed is not None else self._resets + 1
@@ -115,7 +135,12 @@ class GuardVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
     def step(
         self, actions: NDArray[np.floating]
     ) -> tuple[Observation, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
-        """Advance all worlds; return observations, rewards, terminations, truncations, infos."""
+        """Advance all worlds; return observations, rewards, terminations, truncations, infos.
+
+        Raises ResetNeeded before the first `reset`.
+        """
+        if self._resets < 0:
+            raise gymnasium.error.ResetNeeded("no episode has begun: call reset() before step()")
         step = self.environment.step(actions)
         info = _batched_info(self.environment, step)
         ended = step.terminated | step.truncated
@@ -171,6 +196,17 @@ def _checked(form: Form) -> Form:
     if form not in ("flat", "dict"):
         raise SpecError(f'observations is {form!r}: must be "flat" or "dict"')
     return form
+
+
+def _drawn(seed: int | None) -> int:
+    """Return `seed`, or a fresh one below 2**31 for None."""
+    return secrets.randbelow(1 << 31) if seed is None else seed
+
+
+def _refuse(options: dict[str, Any] | None) -> None:
+    """Raise SpecError if a reset is given options: none is known, and to ignore one would surprise."""
+    if options:
+        raise SpecError(f"reset options {', '.join(map(repr, options))}: there are none, leave them out")
 
 
 def _batched_info(environment: Environment, step: Step) -> dict[str, Any]:

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import replace
 
-import gymnasium
 import numpy as np
 import pytest
-from gymnasium.utils.env_checker import check_env
 
-import guard_api.gym
 from guard_api.env import FAILURE_COST, FAILURE_REWARD, Environment, make_environment
-from guard_api.errors import SpecError
+from guard_api.errors import BackendError, SpecError
 from guard_api.suite import make_spec
 
 ENV = "Goal_Point_8Hazards"
@@ -41,15 +37,6 @@ def test_observation_is_guards(backend_name: str) -> None:
     assert env.observation_layout == LAYOUT
     assert env.reset().shape == (2, 30)
     assert env.cost_names == ("hazards",)
-    env.close()
-
-
-def test_passes_gymnasiums_checker(backend_name: str) -> None:
-    env = gymnasium.make(f"guard_api.gym:guard/{ENV}-v0", backend=backend_name)
-    with warnings.catch_warnings():
-        # The checker warns of unbounded observation spaces; a velocity has no bound.
-        warnings.filterwarnings("ignore", message=".*A Box observation space")
-        check_env(env.unwrapped, skip_render_check=True)
     env.close()
 
 
@@ -139,6 +126,43 @@ def test_a_diverged_world_ends_its_own_episode_only(backend_name: str) -> None:
     calm.close()
 
 
+@pytest.mark.parametrize("workers", [1, 2])
+def test_all_worlds_may_fail_at_once_and_begin_again(backend_name: str, workers: int) -> None:
+    env = make_environment(ENV, backend=backend_name, num_worlds=2, seed=2, workers=workers)
+    env.reset()
+    action = actions(2, 1)[0]
+    for value in (np.nan, np.inf, -np.inf):
+        alone = action.copy()
+        alone[1, 0] = value  # with two workers that is all that one of them has
+        assert env.step(alone).terminated.tolist() == [False, True]
+        step = env.step(np.full((2, 2), value))
+        assert step.terminated.all()
+        assert step.reward.tolist() == [FAILURE_REWARD] * 2
+        assert np.isfinite(step.observation).all() and np.isfinite(step.final_observation).all()
+        assert not env.step(action).terminated.any()
+    env.close()
+
+
+def test_a_finite_action_out_of_range_is_clipped(backend_name: str) -> None:
+    env = make_environment(ENV, backend=backend_name, num_worlds=3, workers=1)
+    env.reset()
+    step = env.step(np.array([[1e300, -1e300]] * 3))
+    assert not step.terminated.any()
+    env.reset()
+    np.testing.assert_array_equal(env.step(np.array([[1.0, -1.0]] * 3)).observation, step.observation)
+    env.close()
+
+
+def test_a_closed_environment_says_so(backend_name: str) -> None:
+    env = make_environment(ENV, backend=backend_name, num_worlds=2, workers=1)
+    env.reset()
+    env.close()
+    env.close()
+    for call in (lambda: env.step(np.zeros((2, 2))), env.reset):
+        with pytest.raises(BackendError, match="this world is closed: build another one"):
+            call()
+
+
 def test_reached_goal_pays_and_moves(backend_name: str) -> None:
     """A proportional controller that turns to the compass and drives reaches goal after goal."""
     env = make_environment(ENV, backend=backend_name, num_worlds=4, seed=0)
@@ -156,68 +180,6 @@ def test_reached_goal_pays_and_moves(backend_name: str) -> None:
             break
     assert (reached >= 2).all()
     env.close()
-
-
-def test_vector_face(backend_name: str) -> None:
-    envs = gymnasium.make_vec(f"guard_api.gym:guard/{ENV}-v0", num_envs=3, backend=backend_name)
-    observation, _ = envs.reset(seed=4)
-    assert observation in envs.observation_space
-    envs.unwrapped.environment.episode_length = 2
-    envs.step(envs.action_space.sample())
-    observation, reward, terminated, truncated, info = envs.step(envs.action_space.sample())
-    assert reward.shape == (3,)
-    assert truncated.all()
-    assert not terminated.any()
-    assert info["_final_obs"].all()
-    assert np.stack(info["final_obs"]).shape == observation.shape
-    assert not np.isclose(np.stack(info["final_obs"]), observation).all()
-    assert info["final_info"]["cost"].shape == (3,)
-    assert info["cost"].shape == (3,)
-    assert set(info["costs"]) == {"hazards"}
-    envs.close()
-
-
-def test_observations_come_by_name_too() -> None:
-    flat, named = (guard_api.gym.GuardEnv(ENV, backend="ideal", observations=form) for form in ("flat", "dict"))
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message=".*A Box observation space")
-        check_env(named, skip_render_check=True)
-    array, readings = flat.reset(seed=3)[0], named.reset(seed=3)[0]
-    assert isinstance(readings, dict)
-    np.testing.assert_array_equal(np.concatenate(list(readings.values())), array)
-    assert readings["goal_compass"].shape == (2,)
-    with pytest.raises(SpecError, match="observations is 'tuple'"):
-        guard_api.gym.GuardEnv(ENV, backend="ideal", observations="tuple")
-
-    envs = guard_api.gym.GuardVectorEnv(ENV, num_envs=2, backend="ideal", observations="dict")
-    observation, _ = envs.reset(seed=4)
-    assert observation in envs.observation_space
-    envs.environment.episode_length = 1
-    _, _, _, truncated, info = envs.step(envs.action_space.sample())
-    assert truncated.all()
-    assert info["final_obs"][1] in envs.single_observation_space
-    envs.close()
-
-
-def test_single_face_says_cost_and_refuses_to_step_past_the_end() -> None:
-    env = guard_api.gym.SafetyAdapter(guard_api.gym.GuardEnv(ENV, backend="ideal"))
-    env.reset(seed=0)
-    env.unwrapped.environment.episode_length = 1
-    _, _, cost, terminated, truncated, info = env.step(np.zeros(2))
-    assert cost == info["cost"] == sum(info["costs"].values())
-    assert (terminated, truncated) == (False, True)
-    with pytest.raises(gymnasium.error.ResetNeeded):
-        env.step(np.zeros(2))
-    env.close()
-
-
-def test_gymnasium_reset_seeds_and_continues() -> None:
-    env = guard_api.gym.GuardEnv(ENV, backend="ideal")
-    first, _ = env.reset(seed=9)
-    second, _ = env.reset()
-    again, _ = env.reset(seed=9)
-    np.testing.assert_array_equal(first, again)
-    assert not np.isclose(first, second).all()
 
 
 @pytest.mark.parametrize(
