@@ -45,7 +45,7 @@ class Capabilities:
 class World(Protocol):
     """N independent copies of a scene. World i behaves the same whatever N is and whatever the others do.
 
-    Once closed, it raises BackendError with the message `CLOSED`.
+    Once closed, everything but `drive` and `close` raises BackendError with the message `CLOSED`.
 
     approximations: what of the scene this engine could not express exactly, one sentence each.
     """
