@@ -101,6 +101,8 @@ def _lacking(model: RobotModel) -> Iterator[str]:
     """Yield a sentence on everything without which `model` can be built, but hardly be what was meant."""
     if not model.actuators:
         yield f"no [[actuators]]: nothing can move the robot, and no environment takes it; add them to {SIDE_FILE}"
+    if model.actuators and not model.sensors:
+        yield f"no [[sensors]]: a policy sees the task, but nothing of the robot; add them to {SIDE_FILE}"
     if model.base == "floating" and not any(link.collisions for link in model.links):
         yield "no link has a collision shape: the robot falls through the floor, for ever; add <collision>"
     bounded = [joint.name for joint in model.joints if math.isfinite(joint.velocity_limit)]

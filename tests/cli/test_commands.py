@@ -173,7 +173,12 @@ def test_foreign_and_damaged_directories(trained: Path, tmp_path: Path, capsys: 
 
     manifest = json.loads((damaged / "manifest.json").read_text())
     (damaged / "manifest.json").write_text(json.dumps({"format": manifest["format"]}))
-    for command in (["eval"], ["export", "--out", str(tmp_path / "x.onnx")], ["report"], ["plot", "--out", str(tmp_path)]):
+    for command in (
+        ["eval"],
+        ["export", "--out", str(tmp_path / "x.onnx")],
+        ["report"],
+        ["plot", "--out", str(tmp_path)],
+    ):
         code, _, err = guard([command[0], str(damaged), *command[1:]], capsys)
         assert code == 2
         assert "manifest.json: has no " in err
