@@ -8,8 +8,10 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
+from guard_api.conventions import GRAVITY
+from guard_api.model.robot import RobotModel
 from guard_api.physics.backend import Backend
 
 
@@ -100,3 +102,16 @@ def rounding(backend: Backend, scale: float = 1.0, steps: int = 1, operations: i
     """
     epsilon = np.finfo(np.float32 if backend.capabilities.precision == "float32" else np.float64).eps
     return float(steps * operations * epsilon * scale)
+
+
+def moment_of_weights(robot: RobotModel, link_position: NDArray[np.float64]) -> float:
+    """Return the summed sizes of all weights' moments about the root [N m]; link_position: (L, 3) of their origins [m].
+
+    What is left where they cancel, in a balanced robot, is rounding of this.
+    """
+    spread = [
+        np.linalg.norm(link.com) + np.sqrt(np.trace(np.array(link.inertia)) / link.mass) if link.mass else 0.0
+        for link in robot.links
+    ]
+    levers = np.linalg.norm(link_position - link_position[:1], axis=-1) + np.array(spread)
+    return float(np.linalg.norm(GRAVITY) * np.array([link.mass for link in robot.links]) @ levers)

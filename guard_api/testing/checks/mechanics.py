@@ -16,7 +16,7 @@ from guard_api.model.robot import BaseKind, RobotModel
 from guard_api.physics.actuation import ActuationLaw
 from guard_api.physics.backend import Backend, World
 from guard_api.physics.state import Inspection, State
-from guard_api.testing.checks.check import Finding, check, count, error, rounding, worst
+from guard_api.testing.checks.check import Finding, check, count, error, moment_of_weights, rounding, worst
 from guard_api.testing.scenes import TIMESTEP, bodies_scene, body, idle, rest_start, robot_scene, running, tree
 
 Array = NDArray[np.float64]
@@ -207,26 +207,15 @@ def held_mass_matrix(backend: Backend, robot: RobotModel, rounds: int = 1) -> Fi
 def held_bias_force(backend: Backend, robot: RobotModel, rounds: int = 1) -> Finding:
     """Compare the engine's bias force on `robot` with the reference recursion's."""
     dynamics, got, expected, moments = Dynamics(robot, GRAVITY), [], [], []
-    weights = np.linalg.norm(GRAVITY) * np.array([link.mass for link in robot.links])
     for state, held in _inspected(backend, robot, rounds):
         if held.bias_force is None:
             return count("bias forces that the engine cannot say", 1)
         poses, linear, angular = reference(robot, state)
         got.append(held.bias_force)
         expected.append(dynamics.bias_force(poses, linear[:, 0], angular[:, 0], state.joint_velocity)[0])
-        levers = np.linalg.norm(state.link_position[0] - state.link_position[0, :1], axis=-1) + _spreads(robot)
-        moments.append(float(weights @ levers))
-    # A balanced robot's weights cancel, and what is left of them is rounding.
+        moments.append(moment_of_weights(robot, state.link_position[0]))
     tolerance = _tolerance(backend, expected) + rounding(backend, max(moments), operations=64)
     return error(f"bias force ({robot.base} base)", got, expected, tolerance, "N, N m")
-
-
-def _spreads(robot: RobotModel) -> Array:
-    """Return how far from each link's origin its mass is, com and radius of gyration together (L,) [m]."""
-    return np.array(
-        [np.linalg.norm(link.com) + np.sqrt(np.trace(np.array(link.inertia)) / link.mass) if link.mass else 0.0
-         for link in robot.links]
-    )  # fmt: skip
 
 
 @check("C4")
