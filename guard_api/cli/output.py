@@ -8,7 +8,11 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from rich.console import Console
+from rich.measure import Measurement
 from rich.table import Table
+
+WIDEST = 400
+"""Columns of text beyond which no table is laid out."""
 
 
 def print_json(data: Any) -> None:
@@ -17,13 +21,17 @@ def print_json(data: Any) -> None:
 
 
 def print_table(title: str, columns: Sequence[str], rows: Iterable[Iterable[Any]]) -> None:
-    """Print a table."""
+    """Print a table: as wide as the terminal, or as its words need where it goes into a file or pipe."""
     table = Table(title=title, title_justify="left", header_style="bold")
     for column in columns:
         table.add_column(column, overflow="fold")
     for row in rows:
         table.add_row(*(_cell(value) for value in row))
-    Console(soft_wrap=False, markup=False).print(table)  # units in [brackets] are no markup
+    console = Console(soft_wrap=False, markup=False)  # units in [brackets] are no markup
+    if not console.is_terminal:
+        natural = Measurement.get(console, console.options.update(max_width=WIDEST), table).maximum
+        console = Console(soft_wrap=False, markup=False, width=max(console.width, natural))
+    console.print(table)
 
 
 def print_line(line: str, console: Console, to_stderr: bool) -> None:
