@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from guard_api.conventions import DIVERGED_SPEED
 from guard_api.errors import BackendError
 from guard_api.model.kinematics import Rows, rows_of
+from guard_api.physics.backend import CLOSED
 from guard_api.physics.state import Array, Inspection, Mask, Start, State, is_sound
 from guard_mujoco import kernels
 from guard_mujoco.ceilings import Ceilings
@@ -158,7 +159,7 @@ class MuJoCoWorld:
     @property
     def _batch(self) -> Batch:
         if self._engine is None:
-            raise BackendError("this world is closed: build another one")
+            raise BackendError(CLOSED)
         return self._engine
 
     def _update(self) -> None:
