@@ -8,9 +8,10 @@ reduces their violation most. Source: Achiam et al. 2017, "Constrained Policy Op
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from itertools import chain, combinations
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,8 +65,7 @@ def direction(model: LocalModel) -> Step:
     v, W = model.solve(model.gradient), [model.solve(b) for b in model.cost_gradients]
     q = float(model.gradient.dot(v))
     r = np.array([float(b.dot(v)) for b in model.cost_gradients])
-    S = np.array([[float(b.dot(w)) for w in W] for b in model.cost_gradients]).reshape(len(W), len(W))
-    S = (S + S.T) / 2
+    S = products(model.cost_gradients, W)
     movable = np.flatnonzero(np.diag(S) > 0.0)
     c, r, S = model.margins[movable], r[movable], S[np.ix_(movable, movable)]
     coefficients = optimum(q, r, S, c, model.radius)
@@ -86,19 +86,12 @@ def optimum(q: float, r: Array, S: Array, c: Array, radius: float) -> tuple[floa
     The problem is convex: the set A whose solution has nu >= 0 and violates no other constraint is the optimal one.
     With one constraint this is Achiam et al. 2017, theorem 2.
     """
-    everything = range(len(c))
-    for active in chain.from_iterable(combinations(everything, size) for size in range(len(c) + 1)):
-        step = _binding(q, r, S, c, radius, list(active))
-        if step is not None:
-            return step
-    return None
+    return next((step for A in binding_sets(S) if (step := _binding(q, r, S, c, radius, A)) is not None), None)
 
 
 def _binding(q: float, r: Array, S: Array, c: Array, radius: float, active: list[int]) -> tuple[float, Array] | None:
     """Return the step with exactly the `active` constraints binding, or None where it is not the optimum."""
     S_A, r_A, c_A = S[np.ix_(active, active)], r[active], c[active]
-    if active and not independent(S_A):
-        return None
     inverse_r, inverse_c = np.linalg.solve(S_A, r_A), np.linalg.solve(S_A, c_A)
     room, gain = 2 * radius - c_A @ inverse_c, q - r_A @ inverse_r
     if room < 0:
@@ -115,10 +108,24 @@ def _binding(q: float, r: Array, S: Array, c: Array, radius: float, active: list
     return (alpha, beta) if (nu >= 0).all() and (excess <= tolerance).all() else None
 
 
-def independent(S: Array) -> bool:
-    """Return whether constraints with the products `S` (K, K) have independent gradients, whatever their units."""
+def products(B: Sequence[Tensor], W: Sequence[Tensor]) -> Array:
+    """Return S (K, K), S_jk = b_j w_k, of K gradients and w_k = L^-1 b_k: symmetric but for the solver's rounding."""
+    S = np.array([[float(b.dot(w)) for w in W] for b in B]).reshape(len(B), len(W))
+    return (S + S.T) / 2
+
+
+def binding_sets(S: Array) -> Iterator[list[int]]:
+    """Yield every set of constraints that may bind together: whose gradients, of products `S`, are independent.
+
+    Whatever their units: the products are scaled to a diagonal of ones. Small sets come first.
+    """
     scale = 1.0 / np.sqrt(np.diag(S))
-    return np.linalg.matrix_rank(S * np.outer(scale, scale), hermitian=True) == len(S)
+    cosines = S * np.outer(scale, scale)
+    for size in range(len(S) + 1):
+        for members in combinations(range(len(S)), size):
+            active = list(members)
+            if not active or np.linalg.matrix_rank(cosines[np.ix_(active, active)], hermitian=True) == size:
+                yield active
 
 
 def recovery(S: Array, c: Array, radius: float) -> Array:

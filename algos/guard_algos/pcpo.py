@@ -16,7 +16,6 @@ from __future__ import annotations
 
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from itertools import chain, combinations
 from typing import Literal
 
 import numpy as np
@@ -26,7 +25,7 @@ from torch import Tensor
 from guard_algos import trust_region
 from guard_algos.batch import Batch
 from guard_algos.config import CostLimits, OnPolicyConfig
-from guard_algos.cpo import accept, independent, recovery
+from guard_algos.cpo import accept, binding_sets, products, recovery
 from guard_algos.gaussian import GaussianPolicy
 from guard_algos.on_policy import Method, OnPolicyAlgorithm, Problem
 from guard_algos.trust_region import LocalModel, Step
@@ -78,8 +77,7 @@ def direction(model: LocalModel, norm: Norm) -> Step:
     movable = [k for k, b in enumerate(model.cost_gradients) if bool(b.any())]
     B, c = [model.cost_gradients[k] for k in movable], model.margins[movable]
     W = [model.solve(b) if norm == "kl" else b for b in B]
-    S = np.array([[float(b.dot(w)) for w in W] for b in B]).reshape(len(B), len(B))
-    S = (S + S.T) / 2
+    S = products(B, W)
     nu = projection(S, c + np.array([float(b.dot(y)) for b in B]))
     delta = y.clone() if nu is not None else y.new_zeros(y.shape)
     for weight, w in zip(nu if nu is not None else recovery(S, c, model.radius), W, strict=True):
@@ -93,21 +91,13 @@ def projection(S: Array, excess: Array) -> Array | None:
     S_jk = b_j L^-1 b_k; excess: (K,) c + b y. The problem is convex: the set of binding constraints whose solution
     nu_A = S_A^-1 excess_A has nu >= 0 and violates no other constraint is the optimal one.
     """
-    everything = range(len(excess))
-    for active in chain.from_iterable(combinations(everything, size) for size in range(len(excess) + 1)):
-        nu = _binding(S, excess, list(active))
-        if nu is not None:
-            return nu
-    return None
+    return next((nu for active in binding_sets(S) if (nu := _binding(S, excess, active)) is not None), None)
 
 
 def _binding(S: Array, excess: Array, active: list[int]) -> Array | None:
     """Return the multipliers with exactly the `active` constraints binding, or None where that is not the optimum."""
-    S_A = S[np.ix_(active, active)]
-    if active and not independent(S_A):
-        return None
     nu = np.zeros(len(excess))
-    nu[active] = np.linalg.solve(S_A, excess[active])
+    nu[active] = np.linalg.solve(S[np.ix_(active, active)], excess[active])
     left = excess - S @ nu
     left[active] = 0.0
     return nu if (nu >= 0).all() and (left <= 1e-9 * np.abs(excess)).all() else None
