@@ -110,6 +110,18 @@ def test_what_is_further_reads_less(lidar: Lidar, plain: bool, seed: int, furthe
 
 
 @both_forms
+def test_a_planar_reading_tells_the_azimuth_to_rounding(plain: bool) -> None:
+    """Its own sector and the share that the next one reads; also at and beside every 22.5 degrees."""
+    eighths = np.arange(-8, 9)[:, None] * np.pi / 8 + np.array([0.0, 1e-12, -1e-12, 1e-3, -1e-3])
+    angles = np.concatenate([eighths.reshape(-1), np.random.default_rng(0).uniform(-np.pi, np.pi, 1000)])
+    with form(plain):
+        cells = np.stack([read(Lidar(), np.array([[np.cos(a), np.sin(a), 0.0]])) for a in angles]) * np.e
+    own = cells.argmax(axis=1)
+    told = (own + cells[np.arange(len(own)), (own + 1) % 16]) * 2 * np.pi / 16
+    np.testing.assert_allclose(np.exp(1j * told), np.exp(1j * angles), atol=1e-14)
+
+
+@both_forms
 @pytest.mark.parametrize("lidar", [LIDARS[0], LIDARS[2]], ids=["plane", "linear"])
 @given(border=st.integers(-16, 16), beside=st.floats(-0.2, 0.2), distance=st.floats(0.1, 2.5))
 def test_readings_are_continuous_around_the_robot(
