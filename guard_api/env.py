@@ -16,6 +16,7 @@ from guard_api import plugins
 from guard_api.errors import SpecError
 from guard_api.model.library import load_robot, side_file
 from guard_api.model.robot import RobotModel
+from guard_api.physics.actuation import control_of
 from guard_api.physics.build import build_world
 from guard_api.physics.state import Array, Mask, State
 from guard_api.physics.transition import Snapshot, SnapshotReader, Transition
@@ -82,6 +83,7 @@ class Environment:
         self.episode_length = spec.episode_length
         self.cost_names = tuple(constraint.name for constraint in spec.constraints)
         self.action_size = len(self.robot.actuators)
+        self._control = control_of(self.robot)
         self._starter = EpisodeStarter(self.scene, self._groups, spec.extents, num_worlds, spec.robot_placement)
         sensors = (InertialSensors(self.robot), Proprioception(self.robot))
         self._sensors = tuple(kind for kind in sensors if kind.any)
@@ -90,8 +92,7 @@ class Environment:
         self.world = build_world(plugins.load("guard.backends", backend), self.scene, num_worlds, workers)
 
         self._everywhere = np.ones(num_worlds, dtype=bool)
-        self._episode = np.zeros(num_worlds, dtype=np.int64)
-        self._steps = np.zeros(num_worlds, dtype=np.int64)
+        self._episode, self._steps = np.zeros((2, num_worlds), dtype=np.int64)
         self._since_success = np.full(num_worlds, NEVER)
         self._positions: dict[str, Array] = {}
         self._origins: dict[str, Array] = {}
@@ -121,10 +122,9 @@ class Environment:
         return self._observe(self._standstill(self._now))
 
     def step(self, action: NDArray[np.floating]) -> Step:
-        """Advance every world by one step under `action` (N, A) in [-1, 1] (clipped to the actuators' ranges).
+        """Advance every world by one step under `action` (N, A), clipped to [-1, 1]: the ends of the control ranges.
 
-        An action that is not finite, NaN or infinite, is not clipped: it fails its world, which ends that episode.
-        Worlds whose episode ended start their next one in the same step.
+        One that is not finite fails its world. Worlds whose episode ended start their next one in the same step.
         """
         action = np.asarray(action, dtype=np.float64)
         if action.shape != (self.num_worlds, self.action_size):
@@ -168,7 +168,7 @@ class Environment:
         """Let objects and physics move for one step; return the transition, and why worlds failed in it."""
         previous = self._now
         self._move(previous)
-        self.world.step(action, self.substeps)
+        self.world.step(self._control(action), self.substeps)
         state, failed = _survivors(self.world.state(), previous.state)
         self._steps += 1
         self._since_success = self._since_success + 1

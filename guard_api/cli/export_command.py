@@ -67,6 +67,6 @@ def contract(env: Environment) -> dict[str, Any]:
         "costs": list(env.cost_names),
         "costs_meaning": "of the step before; zeros at an episode's start",
         "action_size": env.action_size,
-        "action": [{"actuator": a.name, "clip": list(a.ctrl_range)} for a in env.robot.actuators],
-        "action_meaning": "of the deterministic policy; the receiver clips it",
+        "action": [{"actuator": a.name, "control": list(a.ctrl_range)} for a in env.robot.actuators],
+        "action_meaning": "of the deterministic policy; the receiver clips it to [-1, 1], the ends of the control",
     }

@@ -29,7 +29,7 @@ class Show:
 
     robot: Annotated[str, tyro.conf.Positional, tyro.conf.arg(help=f"{WHICH}; `all` for every robot at once.")]
     out: Path | None = None
-    """Picture to write (PNG); none when left out."""
+    """Picture to write (PNG); NAME.png, or robots.png, in this folder when left out."""
     size: tuple[int, int] = SIZE
     """Width and height of the picture [pixel]; the sheet of all robots has its own."""
     json: bool = False
@@ -58,17 +58,16 @@ def main(argv: Sequence[str]) -> int:
 
 def _show(options: Show) -> int:
     robots = [load_robot(name) for name in robot_names()] if options.robot == ALL else [load_robot(options.robot)]
-    if options.out is not None:
-        sheet = options.robot == ALL
-        write_png(options.out, contact_sheet(robots) if sheet else robot_picture(robots[0], size=options.size))
+    sheet = options.robot == ALL
+    out = options.out or Path("robots.png" if sheet else f"{robots[0].name}.png")
+    write_png(out, contact_sheet(robots) if sheet else robot_picture(robots[0], size=options.size))
     tables = [{"name": robot.name, **robot_tables(robot)} for robot in robots]
     if options.json:
-        print_json(tables if options.robot == ALL else tables[0])
+        print_json(tables if sheet else tables[0])
         return 0
     for robot, described in zip(robots, tables, strict=True):
         _print_robot(robot, described)
-    if options.out is not None:
-        print(f"picture: {options.out}")
+    print(f"picture: {out}")
     return 0
 
 
@@ -143,6 +142,9 @@ def _print_check(robot: RobotModel, reports: Sequence[ConformanceReport]) -> Non
     if failed:
         print(f"not the same robot in {', '.join(failed)}")
         return
-    approximate = [report.backend for report in reports if report.approximations.get(robot.name)]
-    but = f", but for the approximations above in {', '.join(approximate)}" if approximate else ""
-    print(f"the same robot in {', '.join(names)}{but}")
+    excepted = {
+        "gaps": [report.backend for report in reports if any(r.status.startswith("gap") for r in report.results)],
+        "approximations": [report.backend for report in reports if report.approximations.get(robot.name)],
+    }
+    but = " and ".join(f"the {what} above in {', '.join(where)}" for what, where in excepted.items() if where)
+    print(f"the same robot in {', '.join(names)}{f', but for {but}' if but else ''}")

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from guard_api import plugins, rotations
 from guard_api.model.robot import RobotModel
+from guard_api.physics.actuation import control_of
 from guard_api.physics.build import build_world
 from guard_api.physics.state import Start, State
 from guard_api.scene.spec import ContactPreset, SceneSpec
@@ -45,7 +46,7 @@ class Motion:
 
 
 def make_tape(robot: RobotModel, num_worlds: int, duration: float, drive: Drive = "random") -> Array:
-    """Return the controls of every environment step that begins within `duration` [s]: (S, N, U) in [-1, 1].
+    """Return the controls of every environment step that begins within `duration` [s]: (S, N, U), over their ranges.
 
     random: uniform, new at every step. gait: sines of `GAIT_FREQUENCY` with a phase of its own for each actuator.
     """
@@ -53,9 +54,10 @@ def make_tape(robot: RobotModel, num_worlds: int, duration: float, drive: Drive 
     steps, size = int(np.ceil(duration / step_time - 1e-9)), len(robot.actuators)
     streams = [np.random.default_rng(seed) for seed in range(num_worlds)]
     if drive == "random":
-        return np.stack([stream.uniform(-1.0, 1.0, (steps, size)) for stream in streams], axis=1)
+        return control_of(robot)(np.stack([stream.uniform(-1.0, 1.0, (steps, size)) for stream in streams], axis=1))
     phase = np.stack([stream.uniform(0.0, 2.0 * np.pi, size) for stream in streams])
-    return np.sin(2.0 * np.pi * GAIT_FREQUENCY * step_time * np.arange(steps)[:, None, None] + phase)
+    time = step_time * np.arange(steps)[:, None, None]
+    return control_of(robot)(np.sin(2.0 * np.pi * GAIT_FREQUENCY * time + phase))
 
 
 def play(

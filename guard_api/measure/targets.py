@@ -113,6 +113,12 @@ def _force(robot: RobotModel, states: States) -> float:
     return float(np.mean([state.touch[0] for state in states[-(len(states) // 4) :]]))
 
 
+def _ankle(robot: RobotModel, states: States) -> float:
+    """Return by how much the ankle that is bent least is bent [deg]."""
+    ankles = [robot.joint_index(joint.name) for joint in robot.joints if joint.name.startswith("ankle")]
+    return float(np.rad2deg(np.abs(states[-1].joint_position[0, ankles]).min()))
+
+
 def _joint_speed(robot: RobotModel, states: States) -> float:
     return float(np.abs(states[-1].joint_velocity[0]).max())
 
@@ -160,6 +166,8 @@ FIGURES: Final[Mapping[str, tuple[Figure, ...]]] = {
                    why="the wheels slip all the while, so it is a matter of the contact model: GUARD's own file turns "
                        "at 1.29 to 1.37 in MuJoCo 4, this robot with native contacts and torsional friction at 1.32")
         ),
+        Figure(name="way while turning on the spot", unit="m", guard=0.0, read=_distance, control=(1.0, -1.0),
+               steps=200, known_to=0.05),
     ),
     "doggo": (
         *_in_both_presets(Figure(name="height at rest", unit="m", guard=0.1613, read=_height, steps=300,
@@ -171,16 +179,23 @@ FIGURES: Final[Mapping[str, tuple[Figure, ...]]] = {
         Figure(name="height at rest", unit="m", guard=0.1105, read=_height,
                why="GUARD's contact margin of 1 cm, which other engines lack, lets it hover; with it, 0.1099 here"),
         Figure(name="force on each foot", unit="N", guard=0.0335, read=_force),
+        Figure(name="bend of the ankles at rest", unit="deg", guard=30.0, read=_ankle),
     ),
-    "walker": (Figure(name="height", unit="m", guard=0.43, read=_height),),
+    "walker": (
+        Figure(name="height", unit="m", guard=0.43, read=_height),
+        Figure(name="drift in 15 s", unit="m", guard=0.0, read=_distance, steps=300, known_to=0.005),
+    ),
     "hopper": (
         Figure(name="height", unit="m", guard=1.2, read=_height),
         Figure(name="force on the foot at rest", unit="N", guard=31.0, read=_force),
+        Figure(name="drift in 15 s", unit="m", guard=0.0, read=_distance, steps=300, known_to=0.005),
     ),
     "humanoid": (
         Figure(name="height", unit="m", guard=1.28, read=_height),
         Figure(name="force on each foot at rest", unit="N", guard=62.0, read=_force, steps=60, known_to=1.0,
                why="a matter of millimetres by which the legs reach below a fixed height"),
+        Figure(name="drift in 9 s", unit="m", guard=0.05, read=_distance, steps=300, known_to=0.01,
+               why="GUARD's starts with its feet in the floor, which throws it; started so it drifts 0.08 m here"),
     ),
     "arm3": _arm(0.6, 1.0),
     "arm6": _arm(0.4, 1.5),
@@ -188,6 +203,7 @@ FIGURES: Final[Mapping[str, tuple[Figure, ...]]] = {
         Figure(name="climb at full thrust, fourth step", unit="m/s", guard=1.98, read=_speed, control=1.0, steps=4),
         Figure(name="height where it hovers at 0.1", unit="m", guard=3.0, read=_mean_height, control=0.1,
                place={"slide_z": 1.9}),
+        Figure(name="height after a fall, full thrust downwards", unit="m", guard=0.13, read=_height, control=-1.0),
         Figure(name="tipping on the floor", unit="rad/s", guard=0.37, read=_tipping, control=(-1.0, 0.0, 1.0, 0.0),
                steps=80, known_to=0.005),
     ),

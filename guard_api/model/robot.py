@@ -99,7 +99,8 @@ class Actuator:
     law: "effort", "position" or "velocity" act on `joint`; "thrust" is a force on `link` at `point` (3,) [m] along
     the unit `direction` (3,), both in link axes, turning with the link.
     gear: effort [N m or N], target [rad, m, rad/s, m/s] or force [N] per unit of control.
-    ctrl_range: the control is clipped to it first. effort_limit: bound on the resulting effort or force.
+    ctrl_range: the control is clipped to it first; an action from -1 to 1 fills it.
+    effort_limit: bound on the resulting effort or force.
     kp [N m/rad or N/m] and kd [N m s/rad or N s/m]: servo gains. offset: target, or thrust [N], at control 0.
     ceiling: height [m] of the link's origin above which a thrust loses its offset (GUARD's drone hovers below 3 m).
     """

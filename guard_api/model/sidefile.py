@@ -40,7 +40,7 @@ Every key, with its default or an example:
     law = "effort"             # "effort", "position", "velocity" or "thrust": `guard_api.physics.actuation`
     joint = "hip"              # for thrust instead: link, direction = [x, y, z] and point = [0, 0, 0] in its axes
     gear = 1.0
-    ctrl_range = [-1.0, 1.0]
+    ctrl_range = [-1.0, 1.0]   # of the control, which is clipped to it; an action from -1 to 1 fills it
     effort_limit = 5.0         # [N m or N]; unlimited when left out
     kp = 1.0                   # position only
     kd = 0.1                   # position (default 0) and velocity

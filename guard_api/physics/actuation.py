@@ -23,6 +23,8 @@ h sqrt(K / inertia) < 2. Dry friction is the engine's own Coulomb constraint.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -105,6 +107,15 @@ class ActuationLaw:
     def thrust(self, geared: Array, height: Array | None = None) -> Array:
         """Return `thrust_size` as vectors in link axes: (N, T, 3) [N]."""
         return self.thrust_size(geared, height)[:, :, None] * self.thrust_direction
+
+
+def control_of(robot: RobotModel) -> Callable[[Array], Array]:
+    """Return what makes controls of actions (..., U) of `robot`: -1 and 1 become the ends of each control range."""
+    ranges = np.array([actuator.ctrl_range for actuator in robot.actuators]).reshape(-1, 2)
+    middle, half = ranges.mean(axis=1), 0.5 * (ranges[:, 1] - ranges[:, 0])
+    if (ranges == (-1.0, 1.0)).all():
+        return lambda action: action
+    return lambda action: middle + half * action
 
 
 def _target_gain(actuator: Actuator) -> float:

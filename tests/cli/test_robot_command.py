@@ -47,9 +47,13 @@ def test_show_prints_tables_with_units_and_writes_a_picture(
     assert picture.std() > 10
 
 
-def test_show_as_json(capsys: pytest.CaptureFixture[str]) -> None:
+def test_show_as_json_and_a_picture_named_as_the_robot(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
     code, out, _ = guard(["robot", "show", "point", "--json"], capsys)
     assert code == 0
+    assert [file.name for file in tmp_path.iterdir()] == ["point.png"]
     shown = json.loads(out)
     assert shown["name"] == "point"
     assert [row["joint"] for row in shown["joints"]] == ["base_x", "base_y", "base_yaw"]
@@ -58,8 +62,8 @@ def test_show_as_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert shown["observation"][0]["at home"] == pytest.approx([0.0, 0.0, 9.81])
 
 
-def test_show_reads_a_file(capsys: pytest.CaptureFixture[str]) -> None:
-    code, out, _ = guard(["robot", "show", str(URDF), "--json"], capsys)
+def test_show_reads_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = guard(["robot", "show", str(URDF), "--json", "--out", str(tmp_path / "x.png")], capsys)
     assert code == 0
     assert json.loads(out)["robot"]["mass [kg]"] == pytest.approx(0.005188790)
 
@@ -130,6 +134,15 @@ def test_check_fails_when_a_backend_builds_another_robot(
     assert code == 1
     assert "not the same robot in heavier" in out
     assert "failed" in out
+
+
+def test_check_names_the_gaps_of_the_robot_that_it_looks_at(capsys: pytest.CaptureFixture[str]) -> None:
+    """A gap that the simulator declares excuses nobody silently: the last line says which it made use of."""
+    pytest.importorskip("guard_sapien")
+    code, out, _ = guard(["robot", "check", "car", "--backends", "sapien"], capsys)
+    assert code == 0
+    last = " ".join(out.splitlines()[-1].split())
+    assert last == "the same robot in sapien, but for the gaps above in sapien and the approximations above in sapien"
 
 
 class _Heavier:

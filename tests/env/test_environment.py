@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -150,6 +151,24 @@ def test_a_finite_action_out_of_range_is_clipped(backend_name: str) -> None:
     assert not step.terminated.any()
     env.reset()
     np.testing.assert_array_equal(env.step(np.array([[1.0, -1.0]] * 3)).observation, step.observation)
+    env.close()
+
+
+def test_an_action_fills_the_range_of_its_control(backend_name: str, tmp_path: Path) -> None:
+    """The two ends of a servo's range are where actions of -1 and 1, and what lies beyond, send its joint."""
+    (tmp_path / "arm.xml").write_text(
+        """<mujoco><worldbody><body name="base"><geom size="0.1" pos="0 0 1"/><body name="arm">
+        <inertial mass="1" pos="0 0 0" diaginertia="0.1 0.1 0.1"/>
+        <joint name="elbow" axis="0 0 1" damping="2"/></body></body></worldbody>
+        <actuator><position name="servo" joint="elbow" kp="10" ctrlrange="-2.8 -0.9"/></actuator></mujoco>"""
+    )
+    (tmp_path / "robot.toml").write_text('[base]\nkind = "fixed"\n')
+    spec = replace(make_spec("Goal_Point"), name="reach", robot=str(tmp_path / "arm.xml"))
+    env = Environment(spec, backend=backend_name, num_worlds=4)
+    env.reset()
+    for _ in range(200):
+        env.step(np.array([[-1.0], [0.0], [1.0], [5.0]]))
+    np.testing.assert_allclose(env.world.state().joint_position[:, 0], [-2.8, -1.85, -0.9, -0.9], atol=1e-3)
     env.close()
 
 

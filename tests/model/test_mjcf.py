@@ -194,7 +194,7 @@ def test_what_is_left_out_is_listed_once_per_kind_by_line(tmp_path: Path) -> Non
 <body name="leg"><joint name="j" margin="1"/><geom size="0.1" solref="0.1 1"/><camera/></body>
 </body></worldbody>
 <tendon><fixed><joint joint="j" coef="1"/></fixed></tendon>
-<equality><joint joint1="j"/></equality>
+<equality><joint joint1="j" active="false"/></equality>
 <contact><exclude body1="a" body2="b"/><exclude body1="c" body2="d"/></contact>
 <sensor><framepos objtype="body" objname="leg"/></sensor>
 <keyframe><key/></keyframe>

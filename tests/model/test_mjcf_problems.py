@@ -57,6 +57,10 @@ FAULTS = {
     ),
     "misspelt element": (file("<goem size='1'/>"), "r.xml:4: unknown 'goem' in <MJCF>: did you mean 'geom'"),
     "include": (file('<include file="x.xml"/>'), "r.xml:4: <include> is not supported: put the included elements"),
+    "loop": (
+        file(after='<equality><connect body1="b" body2="c"/></equality>'),
+        "r.xml:5: <connect> in <equality> is not supported",
+    ),
     "replicate": (file("<replicate/>"), "r.xml:4: <replicate> is not supported"),
     "global coordinates": (set_up('<compiler coordinate="global"/>'), "r.xml:2: global coordinates are not supported"),
     "scaled masses": (set_up('<compiler settotalmass="3"/>'), "r.xml:2: <compiler> settotalmass changes masses"),

@@ -29,7 +29,7 @@ _ACTUATOR_KINDS = (
     "intvelocity", "orientation", "pid", "damper", "cylinder", "muscle", "adhesion", "dcmotor", "plugin",
 )  # fmt: skip
 _SENSOR = Words(
-    ("name", "site", "joint", "cutoff", "user", "noise"), ignored=("delay", "interp", "interval", "nsample")
+    ("name", "site", "joint", "cutoff", "user"), ignored=("delay", "interp", "interval", "noise", "nsample")
 )
 _OTHER_SENSORS = (
     "force", "torque", "camprojection", "rangefinder", "tendonpos", "tendonvel", "actuatorpos", "actuatorvel",
@@ -133,4 +133,9 @@ def check_words(root: Element, problems: Problems) -> None:
         for child in element.children():
             if child.tag in _REFUSED:
                 child.error(f"<{child.tag}> is not supported: {_REFUSED[child.tag]}")
+            elif element.tag == "equality" and child.attributes.get("active") != "false":
+                child.error(
+                    f"<{child.tag}> in <equality> is not supported, every joint moves by itself: "
+                    'remove it, or set active="false"'
+                )
     check_vocabulary(root, problems, MJCF, "MJCF")

@@ -1,6 +1,7 @@
 """The conformance checks, one module per concern; `ALL` lists them in the order of the clauses."""
 
 from guard_api.testing.checks import (
+    acceleration,
     actuation,
     contact,
     failure,
@@ -21,6 +22,7 @@ from guard_api.testing.checks.check import Check
 _MODULES = (
     frames,
     mechanics,
+    acceleration,
     shapes,
     stepping,
     actuation,

@@ -8,13 +8,13 @@ from typing import Final, TypeAlias
 
 from guard_api.model.robot import RobotModel
 from guard_api.physics.backend import Backend
+from guard_api.testing.checks.acceleration import free_acceleration, joint_acceleration
 from guard_api.testing.checks.check import Check, Finding
 from guard_api.testing.checks.flight import actuator_response, energy_drift, falls_freely, joint_inertia, thrust_climb
 from guard_api.testing.checks.mechanics import (
     held_bias_force,
     held_inertials,
     held_mass_matrix,
-    joint_acceleration,
     reset_links,
 )
 from guard_api.testing.checks.rest import lies_on_floor, rests_on_floor
@@ -47,13 +47,16 @@ def robot_checks(robot: RobotModel) -> tuple[Check, ...]:
 
 def _mechanics(robot: RobotModel) -> list[tuple[str, str, Compare]]:
     floating = "floating_" if robot.floating else ""
-    return [
+    checks: list[tuple[str, str, Compare]] = [
         ("C3", "links_after_reset", lambda backend, model: reset_links(backend, model, ROUNDS)),
         ("C4", "link_inertials", held_inertials),
         ("C4", f"{floating}mass_matrix", lambda backend, model: [held_mass_matrix(backend, model, ROUNDS)]),
         ("C4", f"{floating}bias_force", lambda backend, model: [held_bias_force(backend, model, ROUNDS)]),
         ("C4", "acceleration", lambda backend, model: [joint_acceleration(backend, model, ROUNDS)]),
     ]
+    if robot.floating:
+        checks.append(("C4", "base_acceleration", lambda backend, model: free_acceleration(backend, model, ROUNDS)))
+    return checks
 
 
 def _motion(robot: RobotModel) -> list[tuple[str, str, Compare]]:
