@@ -25,7 +25,7 @@ class Constraint:
 
 
 def resolve(limits: CostLimits, cost_names: Sequence[str]) -> tuple[Constraint, ...]:
-    """Return the constraints that `limits` asks for in an environment whose costs are `cost_names`.
+    """Return the constraints that `limits` asks for, in the order of the environment's costs `cost_names`.
 
     Raises SpecError for an unknown cost, a limit that is negative or not finite, and for both kinds of limit at once.
     """
@@ -38,7 +38,8 @@ def resolve(limits: CostLimits, cost_names: Sequence[str]) -> tuple[Constraint, 
     for name in limits.cost_limits:
         if name not in cost_names:
             raise unknown_name("cost in cost_limits", name, cost_names)
-    return tuple(_constraint(name, limit, [cost_names.index(name)]) for name, limit in limits.cost_limits.items())
+    columns = [(column, name) for column, name in enumerate(cost_names) if name in limits.cost_limits]
+    return tuple(_constraint(name, limits.cost_limits[name], [column]) for column, name in columns)
 
 
 def reduce_costs(costs: NDArray[np.float64], constraints: Sequence[Constraint]) -> NDArray[np.float64]:

@@ -35,6 +35,9 @@ of 20 is known to 3 %, the difference of two to 5 %."""
 FALLING: Final = 0.95
 """Share of the cost before above which it does not fall: the difference that `WINDOW` can tell from none."""
 
+FALLEN: Final = 0.8
+"""Share of the cost at which this was said: below it the cost has fallen after all, and it may be said again."""
+
 FAR: Final = 2.0
 """Multiple of the limit that is far above it."""
 
@@ -124,19 +127,20 @@ def _stuck(rows: Rows) -> Iterator[Finding]:
 
 
 def _infeasible(rows: Rows, column: str, limit: float) -> Iterator[Finding]:
-    cost, feasible = _column(rows, column), _column(rows, "feasible")
-    ill = np.zeros(len(rows), bool)
+    cost, told = _column(rows, column), np.inf
     for k in range(2 * WINDOW - 1, len(rows)):
         now, before = cost[k - WINDOW + 1 : k + 1].mean(), cost[k - 2 * WINDOW + 1 : k - WINDOW + 1].mean()
-        recovering = np.nanmean(feasible[k - WINDOW + 1 : k + 1]) < 0.5 if np.isfinite(feasible[k]) else True
-        ill[k] = now > FAR * limit and now > FALLING * before and recovering
-    for k in _begins(ill):
-        yield _finding(
-            rows, k, "limit-infeasible",
-            f"{column} is {cost[k - WINDOW + 1 : k + 1].mean():.3g} in the mean of {WINDOW} epochs, far above its "
-            f"limit of {limit:g}, and no longer falls",
-            "the limit may not be reachable: raise it, or train longer with a larger target_kl or multiplier rate",
-        )  # fmt: skip
+        far = now > FAR * limit
+        if not far or now < FALLEN * told:
+            told = np.inf
+        if far and now > FALLING * before and told == np.inf:
+            told = now
+            yield _finding(
+                rows, k, "limit-infeasible",
+                f"{column} is {now:.3g} in the mean of {WINDOW} epochs, far above its limit of {limit:g}, and no "
+                "longer falls",
+                "the limit may not be reachable: raise it, or train longer with a larger target_kl or multiplier rate",
+            )  # fmt: skip
 
 
 def _exploding(rows: Rows, column: str) -> Iterator[Finding]:
