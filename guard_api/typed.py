@@ -57,6 +57,8 @@ class Reader:
             return self._either(get_args(hint), value, key)
         if get_origin(hint) is tuple:
             return self._tuple(get_args(hint), value, key)
+        if get_origin(hint) is dict:
+            return self._dict(get_args(hint)[1], value, key)
         if get_origin(hint) is Literal:
             return self._choice(get_args(hint), value, key)
         return self._scalar(hint, value, key) if hint in _SCALARS else _as_tuple(value)
@@ -92,6 +94,11 @@ class Reader:
             return self._fault(key, f"{list(value)!r} has {len(value)} entries: expected {len(hints)}")
         items = zip(hints, value, strict=True)
         return tuple(self._value(hint, item, f"{key}[{i}]") for i, (hint, item) in enumerate(items))
+
+    def _dict(self, hint: Any, value: Any, key: str) -> Any:
+        if not isinstance(value, Mapping):
+            return self._fault(key, f"{value!r} is not a table")
+        return {name: self._value(hint, item, f"{key}.{name}") for name, item in value.items()}
 
     def _choice(self, choices: tuple[Any, ...], value: Any, key: str) -> Any:
         if value in choices:

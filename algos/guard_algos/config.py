@@ -1,4 +1,7 @@
-"""Options of the on-policy algorithms: each field is a command-line option whose default is GUARD's published value."""
+"""Options of the on-policy algorithms: each field is a command-line option.
+
+Defaults are GUARD's published values, but where a field says why not; `PAPER` has them all.
+"""
 
 from __future__ import annotations
 

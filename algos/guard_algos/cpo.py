@@ -4,6 +4,11 @@
 
 to first order in return and costs and second in KL; where no step in the ball satisfies the costs, the step that
 reduces their violation most. Source: Achiam et al. 2017, "Constrained Policy Optimization", eq. 10-14.
+
+GUARD's code solves the dual of one constraint by the cases of theorem 2. Here the set of constraints that bind is
+tried, which is the same step for one, holds for several, and does not divide by a margin c of 0. While no step in the
+ball keeps the limits, its line search asks that the surrogate cost does not rise; here that all violations together do
+not, since of several costs one may have to rise.
 """
 
 from __future__ import annotations
@@ -23,7 +28,7 @@ from guard_algos.batch import Batch
 from guard_algos.config import CostLimits, OnPolicyConfig
 from guard_algos.gaussian import GaussianPolicy
 from guard_algos.on_policy import Method, OnPolicyAlgorithm, Problem
-from guard_algos.trust_region import LocalModel, Step, Trial
+from guard_algos.trust_region import Direction, LocalModel, Step, Trial
 
 Array = NDArray[np.float64]
 
@@ -41,19 +46,26 @@ class Cpo(Method):
 
     def improve(self, policy: GaussianPolicy, theta: Tensor, batch: Batch, pool: Executor) -> dict[str, float]:
         """Raise the surrogate return while the surrogate costs hold, or lower the costs where they cannot."""
-        report = trust_region.update(
-            policy,
-            theta,
-            batch,
-            self._config,
-            pool,
-            objective=trust_region.surrogate(batch.reward_advantage, batch.log_prob),
-            costs=[trust_region.surrogate(advantage, batch.log_prob) for advantage in batch.cost_advantages.T],
-            margins=batch.margins,
-            direction=direction,
-            accept=accept,
-        )
-        return report.row() | {"feasible": float(report.feasible)}
+        return constrained_update(policy, theta, batch, self._config, pool, direction)
+
+
+def constrained_update(
+    policy: GaussianPolicy, theta: Tensor, batch: Batch, config: OnPolicyConfig, pool: Executor, direction: Direction
+) -> dict[str, float]:
+    """Search along `direction` for a step that `accept` takes, with a surrogate for every cost; return its row."""
+    report = trust_region.update(
+        policy,
+        theta,
+        batch,
+        config,
+        pool,
+        objective=trust_region.surrogate(batch.reward_advantage, batch.log_prob),
+        costs=[trust_region.surrogate(advantage, batch.log_prob) for advantage in batch.cost_advantages.T],
+        margins=batch.margins,
+        direction=direction,
+        accept=accept,
+    )
+    return report.row() | {"feasible": float(report.feasible)}
 
 
 def direction(model: LocalModel) -> Step:

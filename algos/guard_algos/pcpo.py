@@ -25,7 +25,7 @@ from torch import Tensor
 from guard_algos import trust_region
 from guard_algos.batch import Batch
 from guard_algos.config import CostLimits, OnPolicyConfig
-from guard_algos.cpo import accept, binding_sets, products, recovery
+from guard_algos.cpo import binding_sets, constrained_update, products, recovery
 from guard_algos.gaussian import GaussianPolicy
 from guard_algos.on_policy import Method, OnPolicyAlgorithm, Problem
 from guard_algos.trust_region import LocalModel, Step
@@ -53,23 +53,12 @@ class Pcpo(Method):
 
         The line search has CPO's rule, so that the two differ in their direction only.
         """
-        report = trust_region.update(
-            policy,
-            theta,
-            batch,
-            self._config,
-            pool,
-            objective=trust_region.surrogate(batch.reward_advantage, batch.log_prob),
-            costs=[trust_region.surrogate(advantage, batch.log_prob) for advantage in batch.cost_advantages.T],
-            margins=batch.margins,
-            direction=lambda model: direction(model, self._config.projection),
-            accept=accept,
-        )
-        return report.row() | {"feasible": float(report.feasible)}
+        norm = self._config.projection
+        return constrained_update(policy, theta, batch, self._config, pool, lambda model: direction(model, norm))
 
 
 def direction(model: LocalModel, norm: Norm) -> Step:
-    """Return the natural step, projected; where the constraints contradict each other, the step that violates least.
+    """Return the natural step, projected; where the constraints contradict each other, CPO's recovering step.
 
     A constraint that has no gradient cannot be changed by a step and is left out.
     """
@@ -77,12 +66,15 @@ def direction(model: LocalModel, norm: Norm) -> Step:
     movable = [k for k, b in enumerate(model.cost_gradients) if bool(b.any())]
     B, c = [model.cost_gradients[k] for k in movable], model.margins[movable]
     W = [model.solve(b) if norm == "kl" else b for b in B]
-    S = products(B, W)
-    nu = projection(S, c + np.array([float(b.dot(y)) for b in B]))
-    delta = y.clone() if nu is not None else y.new_zeros(y.shape)
-    for weight, w in zip(nu if nu is not None else recovery(S, c, model.radius), W, strict=True):
+    nu = projection(products(B, W), c + np.array([float(b.dot(y)) for b in B]))
+    feasible = nu is not None
+    if nu is None:
+        y, W = y.new_zeros(y.shape), [model.solve(b) for b in B]  # the ball's norm, whatever the projection's
+        nu = recovery(products(B, W), c, model.radius)
+    delta = y.clone()
+    for weight, w in zip(nu, W, strict=True):
         delta.add_(w, alpha=-float(weight))
-    return Step(delta, feasible=nu is not None)
+    return Step(delta, feasible)
 
 
 def projection(S: Array, excess: Array) -> Array | None:

@@ -3,6 +3,9 @@
     maximise  E[pi / pi_old A_r]   subject to  E[KL(pi_old || pi)] <= delta
 
 Costs are logged and have no influence. Source: Schulman et al. 2015, "Trust Region Policy Optimization".
+
+GUARD's code takes the same step and the same line search, on a Fisher matrix without damping; `OnPolicyConfig` says
+what that does, and its preset `paper` brings it back.
 """
 
 from __future__ import annotations

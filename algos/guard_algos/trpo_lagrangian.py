@@ -4,6 +4,9 @@
 
 Source: Ray et al. 2019, "Benchmarking Safe Exploration in Deep Reinforcement Learning"; Bohez et al. 2019. With
 no cost ever met, every step is TRPO's, bit for bit.
+
+As in GUARD's code the objective is not divided by 1 + lambda, and a multiplier starts at 0 and moves once per epoch by
+its rate times (mean episode cost - limit). With the limit of 0 of GUARD's runs it never falls; a limit above lets it.
 """
 
 from __future__ import annotations

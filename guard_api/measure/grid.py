@@ -88,9 +88,10 @@ class Grid:
         """Refuse an option that no algorithm of the grid has: it would silently change nothing."""
         shared = {name for algorithm in algorithms for name in _options(algorithm)}
         for name, value in self.options.items():
-            if name in self.algos and isinstance(value, Mapping):
-                continue
-            if name not in shared:
+            if name in self.algos:
+                if not isinstance(value, Mapping):
+                    raise SpecError(f"options.{name} is {value!r}: it must be a table of options, as {name}.gamma=0.9")
+            elif name not in shared:
                 raise unknown_name("option, or algorithm of the grid,", name, shared | set(self.algos))
 
 

@@ -103,6 +103,18 @@ def test_parallel_and_contradicting_constraints() -> None:
     assert projection(np.array([[1.0, -1.0], [-1.0, 1.0]]), np.array([0.1, 0.1])) is None
 
 
+def test_contradicting_constraints_are_met_halfway_within_the_ball_of_the_kl_whatever_the_norm() -> None:
+    """One is exceeded by far and one by little: both norms take CPO's recovering step, to the border of the ball."""
+    F, g = np.diag([4.0, 100.0]), np.array([1.0, 1.0])
+    model = local_model(F, g, np.array([[1.0, 0.0], [-1.0, 0.0]]), np.array([1.0, 0.1]))
+    for norm in NORMS:
+        step = direction(model, norm)
+        x = step.delta.numpy()
+        assert not step.feasible
+        assert x @ F @ x / 2 == pytest.approx(RADIUS)
+        np.testing.assert_allclose(x, [-np.sqrt(2 * RADIUS / 4.0), 0.0], atol=1e-9)
+
+
 @pytest.mark.parametrize("norm", NORMS)
 def test_the_order_of_the_constraints_means_nothing(norm: Norm) -> None:
     rng = np.random.default_rng(3)
