@@ -53,14 +53,11 @@ class Reader:
             return self._variant(hint, value, key)
         if dataclasses.is_dataclass(hint) and isinstance(hint, type):
             return self.read(hint, value, key)
-        if get_origin(hint) in (Union, UnionType):
-            return self._either(get_args(hint), value, key)
-        if get_origin(hint) is tuple:
-            return self._tuple(get_args(hint), value, key)
-        if get_origin(hint) is dict:
-            return self._dict(get_args(hint)[1], value, key)
-        if get_origin(hint) is Literal:
-            return self._choice(get_args(hint), value, key)
+        of_origin = {
+            Union: self._either, UnionType: self._either, tuple: self._tuple, dict: self._dict, Literal: self._choice,
+        }.get(get_origin(hint))  # fmt: skip
+        if of_origin is not None:
+            return of_origin(get_args(hint), value, key)
         return self._scalar(hint, value, key) if hint in _SCALARS else _as_tuple(value)
 
     def _variant(self, hint: Any, value: Any, key: str) -> Any:
@@ -95,10 +92,10 @@ class Reader:
         items = zip(hints, value, strict=True)
         return tuple(self._value(hint, item, f"{key}[{i}]") for i, (hint, item) in enumerate(items))
 
-    def _dict(self, hint: Any, value: Any, key: str) -> Any:
+    def _dict(self, hints: tuple[Any, ...], value: Any, key: str) -> Any:
         if not isinstance(value, Mapping):
             return self._fault(key, f"{value!r} is not a table")
-        return {name: self._value(hint, item, f"{key}.{name}") for name, item in value.items()}
+        return {name: self._value(hints[1], item, f"{key}.{name}") for name, item in value.items()}
 
     def _choice(self, choices: tuple[Any, ...], value: Any, key: str) -> Any:
         if value in choices:

@@ -121,9 +121,16 @@ def _binding(q: float, r: Array, S: Array, c: Array, radius: float, active: list
 
 
 def products(B: Sequence[Tensor], W: Sequence[Tensor]) -> Array:
-    """Return S (K, K), S_jk = b_j w_k, of K gradients and w_k = L^-1 b_k: symmetric but for the solver's rounding."""
+    """Return S (K, K), S_jk = b_j w_k, of K gradients and w_k = L^-1 b_k: the nearest that such products can be.
+
+    The solver's error makes them unsymmetric, and those of nearly parallel gradients indefinite, which no step is
+    optimal for; so what lies below zero, in units that make the diagonal ones, is cut off.
+    """
     S = np.array([[float(b.dot(w)) for w in W] for b in B]).reshape(len(B), len(W))
-    return (S + S.T) / 2
+    length = np.sqrt(np.maximum(np.diag(S), 0.0))
+    scale = np.divide(1.0, length, out=np.zeros_like(length), where=length > 0.0)
+    values, vectors = np.linalg.eigh((S + S.T) / 2 * np.outer(scale, scale))
+    return (vectors * np.maximum(values, 0.0)) @ vectors.T * np.outer(length, length)
 
 
 def binding_sets(S: Array) -> Iterator[list[int]]:

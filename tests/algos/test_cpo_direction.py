@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -128,6 +130,25 @@ def test_costs_may_be_in_units_of_any_size() -> None:
     expected = direction(local_model(F, g, b, c))
     assert same.feasible and expected.feasible
     np.testing.assert_allclose(same.delta.numpy(), expected.delta.numpy(), rtol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(50))
+def test_a_solver_that_stops_early_does_no_harm_where_costs_are_nearly_parallel(seed: int) -> None:
+    """Conjugate gradients leave errors of a per cent, which make the costs' products indefinite."""
+    rng = np.random.default_rng(seed)
+    F, g, b, _ = problem(rng, 6, 1)
+    B = np.concatenate([b, 0.25 * b + 1e-4 * rng.standard_normal((1, 6))])
+    reach = np.sqrt(2 * RADIUS * b[0] @ np.linalg.solve(F, b[0]))
+    model = local_model(F, g, B, reach * rng.uniform(-1.6, 1.6, 2) * [1.0, 0.25])
+    solved = iter(
+        [
+            model.solve(x) * (1 + 0.01 * torch.from_numpy(rng.standard_normal(6)))
+            for x in (model.gradient, *model.cost_gradients)
+        ]
+    )
+    step = direction(replace(model, solve=lambda x: next(solved))).delta.numpy()
+    assert np.isfinite(step).all()
+    assert 0 < step @ F @ step / 2 < 1.5 * RADIUS
 
 
 def test_parallel_and_contradicting_constraints() -> None:
