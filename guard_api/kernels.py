@@ -14,6 +14,8 @@ from collections.abc import Callable
 from functools import cache, partial
 from typing import Any, Final, TypeAlias
 
+import numpy as np
+
 Kernel: TypeAlias = Callable[[], Callable[..., None] | None]
 """A function that returns the compiled loops, or None without numba; they are compiled when it is first called."""
 
@@ -193,55 +195,63 @@ def lidar(
     """Write the largest reading of every cell into `readings` (N, F, bins, layers), as `guard_api.sensors.lidar` does.
 
     position (N, F, 3), rotation (N, F, 3, 3), objects (N, K, 3); max_distance: infinite for an exponential lidar.
-    The azimuth is computed here and without a branch: objects lie in every direction, so that a processor guesses half
-    of arctan2's wrong, and those took a third of the loop.
+    The azimuths are a loop of their own over all objects, without calls or branches, which a processor does eight at a
+    time: arctan2, one by one and with half of its branches guessed wrong, took a third of the time.
     """
-    bins, layers = readings.shape[2], readings.shape[3]
-    for world in range(objects.shape[0]):
-        for f in range(position.shape[1]):
-            cells = readings[world, f]
-            for k in range(objects.shape[1]):
+    (worlds, frames, bins, layers), count = readings.shape, objects.shape[1]
+    local = np.empty((3, worlds * frames * count))
+    i = 0
+    for world in range(worlds):
+        for f in range(frames):
+            turn = rotation[world, f]
+            for k in range(count):
                 dx = objects[world, k, 0] - position[world, f, 0]
                 dy = objects[world, k, 1] - position[world, f, 1]
                 dz = (objects[world, k, 2] if spatial else 0.0) - position[world, f, 2]
-                x = dx * rotation[world, f, 0, 0] + dy * rotation[world, f, 1, 0] + dz * rotation[world, f, 2, 0]
-                y = dx * rotation[world, f, 0, 1] + dy * rotation[world, f, 1, 1] + dz * rotation[world, f, 2, 1]
-                squares, layer, height = x * x + y * y, 0, 0.0
+                for j in range(3):
+                    local[j, i] = dx * turn[0, j] + dy * turn[1, j] + dz * turn[2, j]
+                i += 1
+
+    around = np.empty(local.shape[1])
+    for i in range(around.size):
+        x, y = local[0, i], local[1, i]
+        # The arctangent of a ratio up to 1, turned by 45 degrees where the ratio is above tan 22.5 degrees.
+        low, high = min(abs(x), abs(y)), max(abs(x), abs(y))
+        turned = low > _TAN_EIGHTH * high
+        ratio = (low - high * turned) / (high + low * turned + (high == 0.0))
+        u = ratio * ratio
+        v = u * u
+        series = (_ARC[0] + _ARC[1] * u) + (_ARC[2] + _ARC[3] * u) * v
+        series += ((_ARC[4] + _ARC[5] * u) + (_ARC[6] + _ARC[7] * u) * v) * (v * v)
+        series += ((_ARC[8] + _ARC[9] * u) + _ARC[10] * v) * (v * v * v * v)
+        angle = ratio * series + 0.25 * math.pi * turned
+        # By octants to the whole turn, from 0 to 2 pi.
+        steep, behind, right = abs(y) > abs(x), x < 0.0, y < 0.0
+        angle = angle * (1 - 2 * steep) + 0.5 * math.pi * steep
+        angle = angle * (1 - 2 * behind) + math.pi * behind
+        around[i] = (angle * (1 - 2 * right) + 2.0 * math.pi * right) * (bins / (2.0 * math.pi))
+
+    flat = readings.reshape(worlds * frames, bins, layers)
+    for row in range(flat.shape[0]):
+        cells = flat[row]
+        for i in range(row * count, (row + 1) * count):
+            squares, layer, height = local[0, i] * local[0, i] + local[1, i] * local[1, i], 0, 0.0
+            if spatial:
+                z = local[2, i]
+                up = (math.atan2(z, math.sqrt(squares)) / math.pi + 0.5) * layers
+                layer = min(int(up), layers - 1)
+                height = up - layer
+                squares += z * z
+            distance = math.sqrt(squares)
+            near = max(0.0, 1.0 - distance / max_distance) if max_distance < math.inf else math.exp(-gain * distance)
+            sector = min(int(around[i]), bins - 1)
+            share = around[i] - sector
+            cells[sector, layer] = max(cells[sector, layer], near)
+            if aliasing:
+                left, right = sector + 1 if sector < bins - 1 else 0, sector - 1 if sector else bins - 1
+                cells[left, layer] = max(cells[left, layer], share * near)
+                cells[right, layer] = max(cells[right, layer], (1.0 - share) * near)
                 if spatial:
-                    z = dx * rotation[world, f, 0, 2] + dy * rotation[world, f, 1, 2] + dz * rotation[world, f, 2, 2]
-                    up = (math.atan2(z, math.sqrt(squares)) / math.pi + 0.5) * layers
-                    layer = min(int(up), layers - 1)
-                    height = up - layer
-                    squares += z * z
-                distance = math.sqrt(squares)
-                if max_distance < math.inf:
-                    near = max(0.0, 1.0 - distance / max_distance)
-                else:
-                    near = math.exp(-gain * distance)
-                # The arctangent of a ratio up to 1, turned by 45 degrees where the ratio is above tan 22.5 degrees.
-                steep = abs(y) > abs(x)
-                low, high = (abs(x), abs(y)) if steep else (abs(y), abs(x))
-                turned = low > _TAN_EIGHTH * high
-                ratio = (low - high * turned) / (high + low * turned + (high == 0.0))
-                u = ratio * ratio
-                v = u * u
-                series = (_ARC[0] + _ARC[1] * u) + (_ARC[2] + _ARC[3] * u) * v
-                series += ((_ARC[4] + _ARC[5] * u) + (_ARC[6] + _ARC[7] * u) * v) * (v * v)
-                series += ((_ARC[8] + _ARC[9] * u) + _ARC[10] * v) * (v * v * v * v)
-                angle = ratio * series + 0.25 * math.pi * turned
-                # By octants to the whole turn, from 0 to 2 pi.
-                angle = angle * (1 - 2 * steep) + 0.5 * math.pi * steep
-                angle = angle * (1 - 2 * (x < 0.0)) + math.pi * (x < 0.0)
-                angle = angle * (1 - 2 * (y < 0.0)) + 2.0 * math.pi * (y < 0.0)
-                around = angle * (bins / (2.0 * math.pi))
-                sector = min(int(around), bins - 1)
-                share = around - sector
-                cells[sector, layer] = max(cells[sector, layer], near)
-                if aliasing:
-                    left, right = sector + 1 if sector < bins - 1 else 0, sector - 1 if sector else bins - 1
-                    cells[left, layer] = max(cells[left, layer], share * near)
-                    cells[right, layer] = max(cells[right, layer], (1.0 - share) * near)
-                    if spatial:
-                        above, below = min(layer + 1, layers - 1), max(layer - 1, 0)
-                        cells[sector, above] = max(cells[sector, above], height * near)
-                        cells[sector, below] = max(cells[sector, below], (1.0 - height) * near)
+                    above, below = min(layer + 1, layers - 1), max(layer - 1, 0)
+                    cells[sector, above] = max(cells[sector, above], height * near)
+                    cells[sector, below] = max(cells[sector, below], (1.0 - height) * near)

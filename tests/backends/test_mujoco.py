@@ -345,9 +345,11 @@ def test_a_closed_world_says_so():
 
 @pytest.mark.parametrize("form", ["compiled", "plain"])
 @pytest.mark.parametrize("fault", ["nothing", "NaN", "speed", "warning", "not ok"])
-def test_any_disturbance_of_any_world_is_seen(form, fault):
+def test_any_disturbance_of_any_world_is_seen_and_efforts_of_sound_ones_are_taken(form, fault):
     pytest.importorskip("numba")
-    undisturbed = kernels.undisturbed() if form == "compiled" else guard_mujoco.world._undisturbed
+    read = kernels.aftermath() if form == "compiled" else guard_mujoco.aftermath._read
+    force, effort = np.array([[1.0, 2.0, -7.0]] * 3), np.full((3, 3), 9.0)
+    servos, limit = np.array([[0, 1, 2], [0, 0, 2]]), np.array([2.5, np.inf, np.inf])  # two on the first joint
     qvel, warning, ok, verdict = np.ones((3, 4))[:, ::2], np.zeros((3, 7, 2), np.int32), np.ones(3, bool), EVERY.copy()
     match fault:
         case "NaN":
@@ -358,5 +360,7 @@ def test_any_disturbance_of_any_world_is_seen(form, fault):
             warning[2, 6, 1] = 1
         case "not ok":
             ok[2] = False
-    undisturbed(qvel, warning, ok, 100.0, verdict)
+    read(qvel, warning, force, servos, limit, ok, 100.0, effort, verdict)
     assert verdict[0] == (fault == "nothing")
+    np.testing.assert_array_equal(effort[ok], [[2.5, 0.0, -7.0]] * ok.sum())
+    np.testing.assert_array_equal(effort[~ok], 9.0)

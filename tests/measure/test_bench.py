@@ -24,8 +24,8 @@ def test_the_figures_hang_together():
 
 def test_efficiency_is_the_mean_of_two_turns_whatever_comes_first(monkeypatch):
     # An environment step takes 4 s after a new action and 2 s later, a raw one 2 s and 1 s: half of the speed is left.
-    costs = iter([0.05, 4.0, 1.0, 2.0, 2.0, *[0.0] * 5])
-    monkeypatch.setattr(bench_module, "_timed", lambda action: (action(), next(costs))[1])
+    costs = iter([*[0.05] * 5, 4.0, 1.0, 2.0, 2.0, *[0.0] * 5])
+    monkeypatch.setattr(bench_module, "_timed", lambda action, count=1: (action(), next(costs))[1])
     result = bench("Goal_Point_8Hazards", "ideal", num_worlds=2, workers=1, blocks=2, block_seconds=0.01)
     assert result.efficiency == pytest.approx(0.5)
 

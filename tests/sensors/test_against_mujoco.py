@@ -67,7 +67,7 @@ def run(scene, start, control, substeps, steps=1):
     before = world.state()
     model = original(scene)
     data = mujoco.MjData(model)
-    data.qpos[:], data.qvel[:], data.ctrl[:] = world._qpos[0], world._qvel[0], control[0]
+    data.qpos[:], data.qvel[:], data.ctrl[:] = world._batch.bind("qpos")[0], world._qvel[0], control[0]
     data.qacc_warmstart[:] = world._batch.get_data(0).qacc_warmstart
     world.step(control, substeps)
     t = Transition(previous=snapshot(robot, before), now=snapshot(robot, world.state()), action=control,

@@ -13,19 +13,18 @@ import numpy as np
 from mujoco.batch import Batch, SimulationError
 from numpy.typing import NDArray
 
-from guard_api.conventions import DIVERGED_SPEED
 from guard_api.errors import BackendError
-from guard_api.model.kinematics import Rows, rows_of
+from guard_api.model.kinematics import Rows
 from guard_api.physics.backend import CLOSED
 from guard_api.physics.state import Array, Inspection, Mask, Start, State, is_sound
-from guard_mujoco import kernels
+from guard_mujoco.aftermath import Aftermath
 from guard_mujoco.ceilings import Ceilings
 from guard_mujoco.compile import CompiledScene
 from guard_mujoco.diagnostics import redirect_warnings
 from guard_mujoco.driven import DrivenBodies
 from guard_mujoco.inspection import inspect
 from guard_mujoco.placement import check_start, place
-from guard_mujoco.readout import EffortReadout, Readout
+from guard_mujoco.readout import Readout
 from guard_mujoco.snapshot import fingerprint, pack, unpack
 
 _NONE, _VEL = mujoco.mjtStage.mjSTAGE_NONE.value, mujoco.mjtStage.mjSTAGE_VEL.value
@@ -33,7 +32,6 @@ _COUNT = 1
 """Column of a warning counter that counts; the other one is its last information."""
 
 ALL = slice(None)
-_NOBODY: NDArray[np.intp] = np.empty(0, np.intp)
 
 
 class MuJoCoWorld:
@@ -50,16 +48,13 @@ class MuJoCoWorld:
         self.approximations = compiled.approximations
         self._compiled = compiled
         self._engine: Batch | None = Batch(compiled.model, num_worlds, threads, persistent=True)
-        self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
-        self._joint_qpos, self._joint_dof = rows_of(compiled.joint_qpos), rows_of(compiled.joint_dof)
-        self._ctrl, self._time = self._batch.bind("ctrl"), self._batch.bind("time")
+        self._ctrl, self._time, self._qvel = (self._batch.bind(name) for name in ("ctrl", "time", "qvel"))
         self._readout = Readout(compiled, self._batch)
-        self._efforts = EffortReadout(compiled, self._batch)
+        self._aftermath = Aftermath(compiled, self._batch)
         self._ceilings = Ceilings(compiled, self._batch)
         self._driven = DrivenBodies(compiled, self._batch)
         self._ok = np.ones(num_worlds, bool)
         self._everyone = np.arange(num_worlds)
-        self._verdict = np.zeros(1, bool)
         self._effort = np.zeros((num_worlds, len(compiled.joint_dof)))
         self._touch = np.zeros((num_worlds, compiled.contact.num_touch))
         self._body_contact = np.zeros((num_worlds, self.scene.num_bodies), bool)
@@ -113,12 +108,11 @@ class MuJoCoWorld:
     def state(self) -> State:
         """Return the present state; see `World.state`."""
         self._update()
-        q, qd = self._qpos[:, self._joint_qpos].copy(), self._qvel[:, self._joint_dof].copy()
-        links, bodies = self._readout.read(q, qd)
+        joints, links, bodies = self._readout.read()
         return State(
             time=self._time.copy(),
-            joint_position=q,
-            joint_velocity=qd,
+            joint_position=joints[0],
+            joint_velocity=joints[1],
             joint_effort=self._effort.copy(),
             link_position=links.position,
             link_quaternion=links.quaternion,
@@ -197,10 +191,10 @@ class MuJoCoWorld:
             self._ok[error.ids] = False
 
     def _freeze_failed(self, rows: Rows) -> None:
-        """Put worlds whose numbers went wrong back to before the step, and take over the efforts of the others."""
-        batch = self._batch
-        self._efforts.write(self._effort, rows)
-        failed = self._newly_failed(rows)
+        """Take over the efforts, and put worlds whose numbers went wrong back to before the step."""
+        if self._aftermath.read(self._effort, self._ok):
+            return
+        batch, failed = self._batch, self._newly_failed(rows)
         if len(failed):
             self._ok[failed] = False
             batch.state[failed] = self._before[failed]
@@ -211,10 +205,6 @@ class MuJoCoWorld:
     def _newly_failed(self, rows: Rows) -> NDArray[np.intp]:
         """Return which of the worlds just stepped raised an error or a warning, or hold numbers that are not sound."""
         batch = self._batch
-        undisturbed = kernels.undisturbed() or _undisturbed
-        undisturbed(self._qvel, batch.warning, self._ok, DIVERGED_SPEED**2, self._verdict)
-        if self._verdict[0]:
-            return _NOBODY
         stepped = np.zeros(self.num_worlds, bool)
         stepped[rows] = True
         # Each of the engine's warnings means that it left out or invented something.
@@ -226,11 +216,3 @@ class MuJoCoWorld:
         """Return the arrays that are the worlds' state; writing into them changes it."""
         summaries = (self._effort, self._touch, self._body_contact)
         return [self._batch.state, self._ok, self._driven.target, *summaries]
-
-
-def _undisturbed(qvel: Array, warning: NDArray[np.int32], ok: Mask, limit: float, verdict: NDArray[np.bool_]) -> None:
-    """Write whether nothing is wrong in any world into `verdict` (1,); nearly always that is all there is to ask.
-
-    Without a warning accelerations were finite, so the numbers are when the velocities are; no sum with NaN is small.
-    """
-    verdict[0] = np.vdot(qvel, qvel) <= limit and ok.all() and not np.count_nonzero(warning)
