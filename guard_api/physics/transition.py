@@ -132,7 +132,10 @@ class SnapshotReader:
         """Return the snapshot of `state`; `rest` are the fields that are not the robot's."""
         position, rotation = self._reference.read(state)
         sensing = (position, rotation) if self._sensing is None else self._sensing.read(state)
-        ends = position[:, :0] if self._ends is None else self._ends.read(state)[0]
+        start = end = position[:, :0]
+        if self._ends is not None:
+            ends = self._ends.read(state)[0]
+            start, end = ends[:, ::2], ends[:, 1::2]
         velocity = state.link_linear_velocity[:, self._link]
         if self._offset is not None:
             arm = rotations.rotate(state.link_quaternion[:, self._link], self._offset)
@@ -145,8 +148,8 @@ class SnapshotReader:
             angular_velocity=state.link_angular_velocity[:, self._link],
             sensing_position=sensing[0],
             sensing_rotation=sensing[1],
-            segment_start=ends[:, ::2],
-            segment_end=ends[:, 1::2],
+            segment_start=start,
+            segment_end=end,
             segment_radius=self._radius,
             **rest,
         )

@@ -14,7 +14,7 @@ _WARNINGS: Final = "Array(int32, 3, 'C', readonly=True)"
 
 
 @kernel(
-    f"{_BOUND}, {_BOUND}, {_BOUND}, {_BOUND}, {_STATE}, {_STATE}, int64[:,::1], int64[:,::1], "
+    f"{_BOUND}, {_BOUND}, {_BOUND}, {_BOUND}, {_STATE}, {_STATE}, int64[:,::1], int64[:,::1], float64[:,::1], "
     "int64[:,::1], float64[::1], float64[:,:,::1], float64[:,:,::1]"
 )
 def frames(
@@ -26,6 +26,7 @@ def frames(
     qvel: Any,
     where: Any,
     columns: Any,
+    rest: Any,
     slides: Any,
     factors: Any,
     joints: Any,
@@ -33,7 +34,7 @@ def frames(
 ) -> None:
     """Write the `joints` (2, N, J) and the frames in `block` (N, K, 13), as `guard_mujoco.readout` does.
 
-    where (3, M): body, root, row; columns (2, J). Then add what sliding joints do to massless links, as
+    where (3, M): body, root, row; columns (2, J); rest (K, 13). Then add what sliding joints do to massless links, as
     `guard_mujoco.merged` does; slides (S, 3): joint, link, axis. A frame: position, quaternion, linear and angular
     velocity.
     """
@@ -41,6 +42,7 @@ def frames(
         for k in range(columns.shape[1]):
             joints[0, world, k] = qpos[world, columns[0, k]]
             joints[1, world, k] = qvel[world, columns[1, k]]
+        block[world] = rest
         for k in range(where.shape[1]):
             body, root, frame = where[0, k], where[1, k], block[world, where[2, k]]
             for i in range(4):

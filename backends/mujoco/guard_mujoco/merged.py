@@ -50,9 +50,9 @@ class LinksOnRails:
         axes = [(self._joints[j], self.links[k], axis) for j, k, axis in np.argwhere(directions)]
         self.slides = Slides(np.array(axes, np.intp).reshape(-1, 3), directions[np.nonzero(directions)])
 
-    def prepare(self, blank: Frames) -> None:
-        """Write what does not change into `blank` (N, L, ...), which is zero."""
-        blank.position[:, self.links], blank.quaternion[:, self.links] = self._rest, self._quaternion
+    def prepare(self, rest: Frames) -> None:
+        """Write what does not change into the rows of `rest` (L, ...), which is zero."""
+        rest.position[self.links], rest.quaternion[self.links] = self._rest, self._quaternion
 
     def fill(self, frames: Frames, q: Array, qd: Array) -> None:
         """Write nothing into `frames`, a prepared one: these links need `slides` alone."""
@@ -68,7 +68,7 @@ class ChainedLinks:
         self._rows = rows_of(links)
         self._kinematics = Kinematics(robot, [robot.links[index].name for index in links])
 
-    def prepare(self, blank: Frames) -> None:
+    def prepare(self, rest: Frames) -> None:
         """Write what does not change: nothing."""
 
     def fill(self, frames: Frames, q: Array, qd: Array) -> None:

@@ -31,20 +31,22 @@ class Readout:
         self._frames = batch.bind("xpos"), batch.bind("xquat"), batch.bind("cvel"), batch.bind("subtree_com")
         self._state = batch.bind("qpos"), batch.bind("qvel")
         self._slides = self._merged.slides if self._merged else NO_SLIDES
-        self._blank = np.zeros((batch.nsim, self._num_links + num_bodies, 13))
-        self._nothing = None if num_bodies else _parts(self._blank[:, :0])
+        self._rest = np.zeros((self._num_links + num_bodies, 13))
         if self._merged is not None:
-            self._merged.prepare(_parts(self._blank))
+            self._merged.prepare(_parts(self._rest))
+        self._num_worlds = batch.nsim
+        self._no_bodies = None if num_bodies else _parts(np.empty((batch.nsim, 0, 13)))
 
     def read(self) -> tuple[Array, Frames, Frames]:
         """Return the joints' positions and velocities (2, N, J), the links' and the bodies' frames: new arrays."""
-        block, joints = self._blank.copy(), np.empty((2, len(self._blank), self._joints.shape[1]))
+        block = np.empty((self._num_worlds, *self._rest.shape))
+        joints = np.empty((2, self._num_worlds, self._joints.shape[1]))
         read = kernels.frames() or _read
-        read(*self._frames, *self._state, self._where, self._joints, *self._slides, joints, block)
+        read(*self._frames, *self._state, self._where, self._joints, self._rest, *self._slides, joints, block)
         links = _parts(block[:, : self._num_links])
         if self._merged is not None:
             self._merged.fill(links, joints[0], joints[1])
-        return joints, links, self._nothing or _parts(block[:, self._num_links :])
+        return joints, links, self._no_bodies or _parts(block[:, self._num_links :])
 
 
 def _parts(block: Array) -> Frames:
@@ -61,6 +63,7 @@ def _read(
     qvel: Array,
     where: Index,
     columns: Index,
+    rest: Array,
     slides: Index,
     factors: Array,
     joints: Array,
@@ -68,9 +71,10 @@ def _read(
 ) -> None:
     """Write the joints' state (2, N, J) from its `columns` (2, J) of qpos and qvel, and frames into `block` (N, K, 13).
 
-    where (3, M): the engine's bodies, the roots of their trees, and their rows in `block`. Then add what sliding joints
-    do to massless links, `slides` (S, 3) and `factors` (S,).
+    where (3, M): the engine's bodies, the roots of their trees, and their rows in `block`; rest (K, 13): what the other
+    rows begin from. Then add what sliding joints do to massless links, `slides` (S, 3) and `factors` (S,).
     """
+    block[...] = rest
     (bodies, roots, rows), (position, quaternion, linear, angular) = where, _parts(block)
     joints[0], joints[1] = qpos[:, columns[0]], qvel[:, columns[1]]
     at, velocity = xpos[:, bodies], cvel[:, bodies]

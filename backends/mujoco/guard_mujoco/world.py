@@ -122,8 +122,8 @@ class MuJoCoWorld:
             body_quaternion=bodies.quaternion,
             body_linear_velocity=bodies.linear,
             body_angular_velocity=bodies.angular,
-            body_contact=self._body_contact.copy(),
-            touch=self._touch.copy(),
+            body_contact=_own(self._body_contact),
+            touch=_own(self._touch),
             ok=self._ok.copy(),
         )
 
@@ -216,3 +216,8 @@ class MuJoCoWorld:
         """Return the arrays that are the worlds' state; writing into them changes it."""
         summaries = (self._effort, self._touch, self._body_contact)
         return [self._batch.state, self._ok, self._driven.target, *summaries]
+
+
+def _own(summary: NDArray) -> NDArray:
+    """Return a copy, or the array itself where it holds nothing that anybody could change."""
+    return summary.copy() if summary.size else summary
