@@ -20,6 +20,7 @@ Kernel: TypeAlias = Callable[[], Callable[..., None] | None]
 """A function that returns the compiled loops, or None without numba; they are compiled when it is first called."""
 
 _FRAMES: Final = "float64[:,:,:], float64[:,:,:,:]"
+_LINKS: Final = "float64[:,:,:], float64[:,:,:], float64[:,:,:]"
 
 
 _TAN_EIGHTH: Final = math.tan(math.pi / 8.0)
@@ -79,42 +80,59 @@ def frames(
                     rotation[world, f, i, j] = a * turn[f, 0, j] + b * turn[f, 1, j] + c * turn[f, 2, j]
 
 
-@kernel(
-    "float64[:,:,:,:], float64[:,:,:], float64[:,:,:], float64[:,:,:], float64[::1], float64[::1], float64, "
-    "int64[:,::1], float64[:,:,::1]"
-)
+@kernel(f"{_LINKS}, {_LINKS}, float64[::1], float64[::1], float64, int64[:,::1], float64[:,::1], float64[:,:,::1]")
 def inertial(
-    rotation: Any,
+    quaternion: Any,
     velocity: Any,
-    before: Any,
     angular: Any,
+    old_quaternion: Any,
+    old_velocity: Any,
+    old_angular: Any,
     gravity: Any,
     field: Any,
     duration: float,
     sensors: Any,
+    offset: Any,
     readings: Any,
 ) -> None:
     """Write the `readings` (N, S, 3) of `guard_api.sensors.inertial` in the axes of the links.
 
-    rotation (N, F, 3, 3); velocity, before (N, V, 3) now and a `duration` ago, angular (N, L, 3). sensors (S, 3): which
-    kind, in the order of `inertial.KINDS`, which rotation, and which column of velocity or angular.
+    quaternion (N, L, 4), velocity, angular (N, L, 3): of the links, now and a `duration` ago. sensors (S, 2): kind, in
+    the order of `inertial.KINDS`, and link; offset (S, 3) in its axes.
     """
+    moments = ((old_quaternion, old_velocity, old_angular), (quaternion, velocity, angular))
+    site, arm = np.empty((2, 3)), np.empty(3)
     for world in range(readings.shape[0]):
-        for k in range(sensors.shape[0]):
-            kind, f, column = sensors[k, 0], sensors[k, 1], sensors[k, 2]
+        for s in range(sensors.shape[0]):
+            kind, k = sensors[s, 0], sensors[s, 1]
+            R = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+            for moment in range(2):
+                q, v, turn = moments[moment]
+                w, x, y, z = q[world, k, 0], q[world, k, 1], q[world, k, 2], q[world, k, 3]
+                R = (
+                    (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
+                    (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
+                    (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
+                )
+                for i in range(3):
+                    a, b, c = R[i]
+                    arm[i] = a * offset[s, 0] + b * offset[s, 1] + c * offset[s, 2]
+                for i in range(3):
+                    j, m = (i + 1) % 3, (i + 2) % 3
+                    site[moment, i] = v[world, k, i] + (turn[world, k, j] * arm[m] - turn[world, k, m] * arm[j])
             for i in range(3):
                 along = 0.0
                 for j in range(3):
                     if kind == 0:
-                        vector = (velocity[world, column, j] - before[world, column, j]) / duration - gravity[j]
+                        vector = (site[1, j] - site[0, j]) / duration - gravity[j]
                     elif kind == 1:
-                        vector = velocity[world, column, j]
+                        vector = site[1, j]
                     elif kind == 2:
-                        vector = angular[world, column, j]
+                        vector = angular[world, k, j]
                     else:
                         vector = field[j]
-                    along += vector * rotation[world, f, j, i]
-                readings[world, k, i] = along
+                    along += vector * R[j][i]
+                readings[world, s, i] = along
 
 
 @kernel("float64[:,:], float64[:,:,:], float64[:,::1]")

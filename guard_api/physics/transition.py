@@ -122,7 +122,7 @@ class SnapshotReader:
         reference = robot.reference or Frame(name=robot.root, link=robot.root)
         self._reference = _FrameReader(robot, [reference])
         self._link = robot.link_index(reference.link)
-        self._offset = np.array(reference.pose.position) if reference.pose.position != ORIGIN else None
+        self._shifted = reference.pose.position != ORIGIN
         self._sensing = _FrameReader(robot, robot.lidar) if robot.lidar else None
         ends = [frame for segment in robot.segments for frame in (segment.start, segment.end)]
         self._ends = _FrameReader(robot, ends) if ends else None
@@ -137,8 +137,8 @@ class SnapshotReader:
             ends = self._ends.read(state)[0]
             start, end = ends[:, ::2], ends[:, 1::2]
         velocity = state.link_linear_velocity[:, self._link]
-        if self._offset is not None:
-            arm = rotations.rotate(state.link_quaternion[:, self._link], self._offset)
+        if self._shifted:
+            arm = position[:, 0] - state.link_position[:, self._link]
             velocity = velocity + rotations.cross(state.link_angular_velocity[:, self._link], arm)
         return Snapshot(
             state=state,

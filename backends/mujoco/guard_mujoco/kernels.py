@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, Final
+
+import numpy as np
 
 from guard_api.kernels import kernel
 
@@ -59,6 +62,54 @@ def frames(
             joint, link, axis = slides[k, 0], slides[k, 1], slides[k, 2]
             block[world, link, axis] += factors[k] * joints[0, world, joint]
             block[world, link, 7 + axis] += factors[k] * joints[1, world, joint]
+
+
+@kernel(
+    "int64[:,::1], float64[:,::1], float64[:,:], float64[:,:], "
+    "float64[:,:,:], float64[:,:,:], float64[:,:,:], float64[:,:,:]"
+)
+def chained(
+    places: Any, mounts: Any, q: Any, qd: Any, position: Any, quaternion: Any, linear: Any, angular: Any
+) -> None:
+    """Write the frames (N, L, ...) of massless links from those of their parents, as `guard_mujoco.merged` does.
+
+    places (M, 4): link, parent, joint, whether it slides, parents first; mounts (M, 10): position and quaternion of the
+    joint in the parent's axes, and its axis. q, qd (N, J).
+    """
+    turns, arm, axis = np.empty((2, 4)), np.empty(3), np.empty(3)
+    for world in range(q.shape[0]):
+        for m in range(places.shape[0]):
+            link, parent, joint, slides = places[m, 0], places[m, 1], places[m, 2], places[m, 3]
+            half = 0.0 if slides else 0.5 * q[world, joint]
+            turns[0] = mounts[m, 3:7]
+            turns[1, 0], turns[1, 1:] = math.cos(half), math.sin(half) * mounts[m, 7:]
+            whole = quaternion[world, link]
+            whole[:] = quaternion[world, parent]
+            for turn in range(2):
+                # Rotate the arm by the parent, and the axis by the joint's frame, before the next turn.
+                w, x, y, z = whole[0], whole[1], whole[2], whole[3]
+                R = (
+                    (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
+                    (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
+                    (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
+                )
+                vector, first = (arm, 0) if turn == 0 else (axis, 7)
+                for i in range(3):
+                    a, b, c = R[i]
+                    vector[i] = a * mounts[m, first] + b * mounts[m, first + 1] + c * mounts[m, first + 2]
+                e, f, g, h = turns[turn, 0], turns[turn, 1], turns[turn, 2], turns[turn, 3]
+                whole[0], whole[1] = w * e - x * f - y * g - z * h, w * f + x * e + y * h - z * g
+                whole[2], whole[3] = w * g - x * h + y * e + z * f, w * h + x * g - y * f + z * e
+            for i in range(3):
+                if slides:
+                    arm[i] += axis[i] * q[world, joint]
+                position[world, link, i] = position[world, parent, i] + arm[i]
+                angular[world, link, i] = angular[world, parent, i] + (0.0 if slides else axis[i] * qd[world, joint])
+            for i in range(3):
+                j, k = (i + 1) % 3, (i + 2) % 3
+                swing = angular[world, parent, j] * arm[k] - angular[world, parent, k] * arm[j]
+                along = axis[i] * qd[world, joint] if slides else 0.0
+                linear[world, link, i] = linear[world, parent, i] + swing + along
 
 
 @kernel(

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from guard_api.model.kinematics import Kinematics, rows_of
 from guard_api.model.robot import RobotModel
+from guard_mujoco import kernels
 
 Array = NDArray[np.float64]
 
@@ -67,12 +68,21 @@ class ChainedLinks:
         self.links = links
         self._rows = rows_of(links)
         self._kinematics = Kinematics(robot, [robot.links[index].name for index in links])
+        joints = [robot.joints[link - 1] for link in self._kinematics.order if link in links]
+        slides = [joint.kind == "prismatic" for joint in joints]
+        places = [(robot.link_index(j.child), robot.link_index(j.parent), robot.joint_index(j.name)) for j in joints]
+        self._places = np.array([(*place, slide) for place, slide in zip(places, slides, strict=True)], np.intp)
+        self._mounts = np.array([(*j.origin.position, *j.origin.quaternion, *j.axis) for j in joints])
 
     def prepare(self, rest: Frames) -> None:
         """Write what does not change: nothing."""
 
     def fill(self, frames: Frames, q: Array, qd: Array) -> None:
-        """Write these links into `frames` (N, L, ...), which holds the first link, from the joints' state (N, J)."""
+        """Write these links into `frames` (N, L, ...), which holds all others, from the joints' state (N, J)."""
+        fast = kernels.chained()
+        if fast is not None:
+            fast(self._places, self._mounts, q, qd, *frames)
+            return
         poses = self._kinematics.poses(frames.position[:, 0], frames.quaternion[:, 0], q)
         velocities = self._kinematics.velocities(poses, frames.linear[:, 0], frames.angular[:, 0], qd)
         for whole, part in zip(frames, (poses.position, poses.quaternion, *velocities), strict=True):

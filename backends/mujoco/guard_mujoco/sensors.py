@@ -100,13 +100,13 @@ class ContactReadout:
         window = Window(history, substeps, self.samples)
         sums = window.sum(self.summed)
         touch, found = sums[:, : self.num_touch], sums[:, self.num_touch : self.num_touch + self.num_bodies] > 0.0
-        if not sums[:, self.num_touch + self.num_bodies :].any():
-            return touch, found
-        every = touch.copy()
-        for own in self.own:
-            touch[:, own.sensor] -= _counted(window, own)
-        # What is left of a force that was all the robot's own is the rounding of two sums.
-        touch[touch < ROUNDING * every] = 0.0
+        strongest = sums[:, self.num_touch + self.num_bodies :]
+        for number in np.flatnonzero(strongest.any(axis=0)) if strongest.any() else ():
+            own, worlds = self.own[number], np.flatnonzero(strongest[:, number])
+            every = touch[worlds, own.sensor]
+            others = every - _counted(Window(history[worlds], substeps, self.samples), own)
+            # What is left of a force that was all the robot's own is the rounding of two sums.
+            touch[worlds, own.sensor] = np.where(others < ROUNDING * every, 0.0, others)
         return touch, found
 
 
