@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from typing import Final
+
+LISTED: Final = 20
+"""Most known names that a message about an unknown one lists."""
 
 
 class GuardError(Exception):
@@ -15,7 +19,14 @@ class SpecError(GuardError):
 
 
 class ModelError(GuardError):
-    """A robot file that cannot be used. Its message lists *all* problems, one per line, with line numbers."""
+    """A robot file that cannot be used. Its message lists *all* problems, one per line, with line numbers.
+
+    notes: what else the files hold that the user should know, such as ignored tags.
+    """
+
+    def __init__(self, message: str, notes: Iterable[str] = ()) -> None:
+        super().__init__(message)
+        self.notes = tuple(notes)
 
 
 class PluginError(GuardError):
@@ -34,5 +45,6 @@ def unknown_name(kind: str, name: str, known: Iterable[str]) -> SpecError:
     """Return the error for an unknown `name`, with the nearest known names as the remedy."""
     known = sorted(known)
     near = difflib.get_close_matches(name, known, n=3, cutoff=0.4)
-    remedy = f"did you mean {', '.join(near)}?" if near else f"known: {', '.join(known) or 'none'}"
+    shown = [*known[:LISTED], f"and {len(known) - LISTED} more: see `guard list`"] if len(known) > LISTED else known
+    remedy = f"did you mean {', '.join(near)}?" if near else f"known: {', '.join(shown) or 'none'}"
     return SpecError(f"unknown {kind} {name!r}: {remedy}")

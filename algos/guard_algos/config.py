@@ -52,8 +52,8 @@ class OnPolicyConfig:
     """Multiple of the identity added to the Fisher matrix. GUARD's code has none and iterates up to 100 times; on
     Goal_Point_8Hazards that leaves a residual of 0.04 to 0.3 and steps whose KL is 30 to 200 times what their quadratic
     model says, because they run far along directions that no sample excites. With 0.1 the two agree within 40 %."""
-    checkpoint_every: int = field(default=10, metadata=CHANGES_NO_NUMBER)
-    """Epochs between checkpoints; the last epoch always leaves one."""
+    checkpoint_every: int = field(default=1, metadata=CHANGES_NO_NUMBER)
+    """Epochs between checkpoints, which a resumed training goes on from; the last epoch always leaves one."""
     threads: int = field(default=2, metadata=CHANGES_NO_NUMBER)
     """CPU threads of the update. It changes no number."""
 

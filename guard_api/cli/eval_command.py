@@ -16,6 +16,7 @@ from guard_api.cli.output import print_json, print_table
 from guard_api.env import make_environment
 from guard_api.errors import RunError, SpecError
 from guard_api.measure.rollout import EpisodeTable, evaluate
+from guard_api.measure.training import final_checkpoint
 from guard_api.runs.directory import RunDirectory
 from guard_api.spec import EnvSpec
 
@@ -54,6 +55,7 @@ def main(argv: Sequence[str]) -> int:
     worlds = min(options.num_worlds, options.episodes)
     env = make_environment(spec, backend=backend, num_worlds=worlds, seed=options.seed)
     try:
+        approximations = list(env.world.approximations)
         table = evaluate(policy, env, options.episodes, deterministic=not options.stochastic)
     finally:
         env.close()
@@ -65,19 +67,21 @@ def main(argv: Sequence[str]) -> int:
                 "backend": backend,
                 "checkpoint": options.checkpoint,
                 "policy": trained,
+                "approximations": approximations,
                 **table.to_json(),
             }
         )
     else:
+        for sentence in approximations:
+            print(f"approximation: {sentence}")
         _print(f"{options.run} ({trained}) in {backend}: {options.episodes} episodes of {spec.name}", table)
     return 0
 
 
 def _load_policy(run: RunDirectory, which: Literal["last", "best"]) -> Policy:
-    checkpoint = run.best_checkpoint() if which == "best" else run.last_checkpoint()
+    checkpoint = run.best_checkpoint() if which == "best" else final_checkpoint(run)
     if checkpoint is None:
-        kind = "best checkpoint" if which == "best" else "checkpoint yet"
-        raise RunError(f"{run.path}: has no {kind}: train it longer with `guard train --resume`")
+        raise RunError(f"{run.path}: has no best checkpoint: its algorithm keeps none, or it was stopped too early")
     return plugins.load("guard.algorithms", str(run.fact("algorithm"))).load_policy(checkpoint)
 
 

@@ -14,7 +14,8 @@ from guard_api import plugins
 from guard_api.cli.options import parse
 from guard_api.cli.output import print_json
 from guard_api.env import Environment, make_environment
-from guard_api.errors import PluginError, RunError
+from guard_api.errors import PluginError
+from guard_api.measure.training import final_checkpoint
 from guard_api.runs.directory import RunDirectory
 from guard_api.spec import EnvSpec
 
@@ -35,9 +36,7 @@ def main(argv: Sequence[str]) -> int:
     """Run the command."""
     options = parse(Options, "export", argv, "Write a trained policy as ONNX, tested against the policy itself.")
     run = RunDirectory.open(options.run)
-    name, checkpoint = str(run.fact("algorithm")), run.last_checkpoint()
-    if checkpoint is None:
-        raise RunError(f"{run.path}: has no checkpoint yet: train it longer with `guard train --resume`")
+    name, checkpoint = str(run.fact("algorithm")), final_checkpoint(run)
     algorithm = plugins.load("guard.algorithms", name)
     if not hasattr(algorithm, "export_policy"):
         raise PluginError(f"algorithm {name!r} has no export_policy: its policies cannot be exported")

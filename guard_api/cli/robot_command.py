@@ -104,9 +104,10 @@ def _check(options: Check) -> int:
     except ModelError as error:
         problems = str(error).splitlines()
         if options.json:
-            print_json({"robot": options.robot, "problems": problems})
+            print_json({"robot": options.robot, "problems": problems, "notes": list(error.notes)})
         else:
-            print(*problems, f"{len(problems)} problems: {options.robot} cannot be used", sep="\n")
+            notes = [f"note: {note}" for note in error.notes]
+            print(*problems, *notes, f"{len(problems)} problems: {options.robot} cannot be used", sep="\n")
         return 1
     names = options.backends or installed_backends()
     reports = [check_robots(plugins.load("guard.backends", name), [robot]) for name in names]

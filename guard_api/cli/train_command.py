@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Generic, TypeVar
@@ -78,10 +78,10 @@ def main(argv: Sequence[str]) -> int:
     _check_folder(options.out, options.resume)
     words = sys.stderr if options.json else sys.stdout  # the output is JSON
     before = is_trained(training)
-    steps = _whole_epochs(training)
-    if steps > training.total_steps and not before:
-        rounded = f"rounded up to whole epochs of --steps-per-epoch {options.algorithm.steps_per_epoch:,}"
-        print(f"trains {steps:,} steps, not {training.total_steps:,}: {rounded}", file=words)
+    epoch = _epoch_steps(training)
+    steps = math.ceil(training.total_steps / epoch) * epoch if epoch else training.total_steps
+    if not before:
+        print(*_rounded(training, epoch, steps), sep="", end="", file=words)
     finished = _train(training, options.workers, steps, quiet=options.json)
     run = RunDirectory.open(options.out)
     if before:
@@ -125,13 +125,22 @@ def _check_folder(out: Path, resume: bool) -> None:
         raise RunError(f"{out}: exists and is not empty: choose another folder, or resume the run with --resume")
 
 
-def _whole_epochs(training: Training) -> int:
-    """Return the steps that are trained: whole epochs, each of whole episodes of all worlds."""
+def _epoch_steps(training: Training) -> int:
+    """Return the steps of an epoch: whole episodes of all worlds; 0 where the algorithm knows no such epochs."""
     steps = getattr(training.config, "steps_per_epoch", None)
     if steps is None or training.num_worlds < 1:  # other epochs, or no worlds, which the backend refuses
-        return training.total_steps
-    epoch = whole_episodes(steps, training.num_worlds, training.spec.episode_length)
-    return math.ceil(training.total_steps / epoch) * epoch
+        return 0
+    return whole_episodes(steps, training.num_worlds, training.spec.episode_length)
+
+
+def _rounded(training: Training, epoch: int, steps: int) -> Iterator[str]:
+    """Yield a line on each number that is not what the options say, because epochs are of whole episodes."""
+    asked = getattr(training.config, "steps_per_epoch", epoch)
+    if epoch != asked:
+        episodes = epoch // training.spec.episode_length
+        yield f"an epoch is {epoch:,} steps, not {asked:,}: {episodes} whole episodes in {training.num_worlds} worlds\n"
+    if steps > training.total_steps:
+        yield f"trains {steps:,} steps, not {training.total_steps:,}: rounded up to whole epochs of {epoch:,}\n"
 
 
 def _train(training: Training, workers: int | None, steps: int, quiet: bool) -> bool:

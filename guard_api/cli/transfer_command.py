@@ -14,6 +14,7 @@ from rich.progress import Progress as ProgressBars
 from guard_api.cli.interrupt import stop_request
 from guard_api.cli.options import parse_with_algorithm, whole_steps
 from guard_api.cli.output import print_json, print_line, print_table
+from guard_api.errors import SpecError
 from guard_api.measure.diagnosis import Finding
 from guard_api.measure.plan import TransferPlan
 from guard_api.measure.report import write_report
@@ -63,6 +64,8 @@ def main(argv: Sequence[str]) -> int:
     """Run the command."""
     text = "Train on some simulators, evaluate every policy in all: the transfer matrix."
     options, algorithm = parse_with_algorithm(Options, "transfer", argv, text)
+    if options.jobs < 1:
+        raise SpecError(f"--jobs is {options.jobs}: it must be at least 1")
     plan = TransferPlan(
         spec=make_spec(options.env),
         algorithm=algorithm.name,

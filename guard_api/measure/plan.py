@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 import guard_api
 from guard_api import plugins
+from guard_api.algorithm import deciding_options
 from guard_api.errors import RunError, SpecError
 from guard_api.measure.training import Training
 from guard_api.runs.atomic import read_json, write_json
 from guard_api.runs.manifest import asset_hashes
 from guard_api.spec import EnvSpec
 
-PLAN_FORMAT: Final = "guard-transfer-plan-1"
+PLAN_FORMAT: Final = "guard-transfer-plan-2"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,13 +97,12 @@ class TransferPlan:
 
     def deciders(self) -> dict[str, Any]:
         """Return everything that decides a single result, JSON-serialisable: not which backends and seeds there are."""
-        config = json.loads(json.dumps(asdict(self.config)))
         return {
             "env": self.spec.name,
             "spec_fingerprint": self.spec.fingerprint,
             **{f"assets.{file}": digest for file, digest in asset_hashes(self.spec.robot).items()},
             "algorithm": self.algorithm,
-            **{f"config.{name}": value for name, value in config.items()},
+            **{f"config.{name}": value for name, value in deciding_options(self.config).items()},
             "total_steps": self.total_steps,
             "num_worlds": self.num_worlds,
             "episodes": self.episodes,

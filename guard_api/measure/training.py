@@ -11,7 +11,7 @@ from typing import Any, Final
 from guard_api import plugins
 from guard_api.algorithm import TrainingJob, check_row, deciding_options
 from guard_api.env import make_environment
-from guard_api.errors import RunError
+from guard_api.errors import BackendError, RunError
 from guard_api.measure.diagnosis import Finding, cost_limits, diagnose, from_jsonl, to_jsonl
 from guard_api.runs.atomic import read_json, write_json, write_text
 from guard_api.runs.directory import RunDirectory
@@ -52,9 +52,25 @@ def is_trained(training: Training) -> bool:
     file = training.path / FINISHED
     if not file.exists():
         return False
+    found = read_json(file, "delete it to check the run again")
     # Before the steps were written down, only transfer experiments left this file, whose steps never change.
-    steps = read_json(file, "delete it to check the run again").get("total_steps", training.total_steps)
-    return steps >= training.total_steps
+    enough = found.get("total_steps", training.total_steps) >= training.total_steps
+    return enough and (training.path / "checkpoints" / str(found.get("checkpoint"))).is_dir()
+
+
+def final_checkpoint(run: RunDirectory) -> Path:
+    """Return the checkpoint of the final policy, or of the last one so far. Raises RunError where it is gone."""
+    again = f"`guard train --resume --out {run.path}`"
+    if (run.path / FINISHED).exists():
+        name = read_json(run.path / FINISHED, "delete it to check the run again").get("checkpoint")
+        path = run.path / "checkpoints" / str(name)
+        if not path.is_dir():
+            raise RunError(f"{path}: the final policy is gone: {again} trains it again from the checkpoint before it")
+        return path
+    last = run.last_checkpoint()
+    if last is None:
+        raise RunError(f"{run.path}: has no checkpoint yet: train it longer with {again}")
+    return last
 
 
 def findings(training: Training) -> list[Finding]:
@@ -111,7 +127,13 @@ def train(
                 report=after_epoch,
                 should_stop=should_stop,
             )
-            if not algorithm.train(job):
+            try:
+                finished = algorithm.train(job)
+            except BackendError as error:
+                where = f"seed {training.seed}, epoch {len(run.rows()) + 1}"
+                again = f"`guard train --resume --out {run.path}` goes on from the last checkpoint"
+                raise BackendError(f"{error} ({where}; {again})") from error
+            if not finished:
                 return False
             last = run.last_checkpoint()
     finally:

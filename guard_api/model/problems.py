@@ -40,8 +40,8 @@ class Problems:
             raise self.as_error()
 
     def as_error(self) -> ModelError:
-        """Return the ModelError that lists every recorded error, one per line."""
-        return ModelError("\n".join(self.errors))
+        """Return the ModelError that lists every recorded error, one per line, and has the notes."""
+        return ModelError("\n".join(self.errors), self.notes)
 
 
 def nearest(word: str, known: Iterable[str]) -> str | None:

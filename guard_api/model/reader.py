@@ -55,6 +55,7 @@ def build_robot(tree: Tree, side: SideFile, problems: Problems) -> RobotModel:
     check_references(tree, side, problems)
     in_order = ordered(tree, problems)
     if in_order is None:
+        problems.note("masses and inertias are checked once the joints make a tree")
         raise problems.as_error()
     base = resolve_base(in_order, side, problems)
     tree = replace(base.tree, links=tuple(_with_mass(link, side, problems) for link in base.tree.links))

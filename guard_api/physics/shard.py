@@ -226,7 +226,7 @@ class ShardedWorld:
         except subprocess.TimeoutExpired:
             code = None
         ended = f"killed by {signal.Signals(-code).name}" if code and code < 0 else f"exit code {code}"
-        self._broken = f"{self._label(worker)} died ({ended}): close this world and build another"
+        self._broken = f"{self._label(worker)} died ({ended}): its worlds are lost, build them anew"
         self._release()
         raise BackendError(self._broken) from None
 

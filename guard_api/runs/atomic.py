@@ -111,10 +111,11 @@ def sync_folder(path: Path) -> None:
 
 @contextlib.contextmanager
 def disk_errors(path: Path) -> Iterator[None]:
-    """Turn an OSError met while writing `path` into a RunError of one line with a remedy."""
+    """Turn an OSError met while writing `path` into a RunError of one line with a remedy; what was there is kept."""
     try:
         yield
     except OSError as error:
         full = error.errno in {errno.ENOSPC, errno.EDQUOT}
-        remedy = "free some space and run the same command again" if full else "check the path and its permissions"
-        raise RunError(f"{path}: cannot be written ({error.strerror or error}): {remedy}; nothing was lost") from error
+        remedy = "free some space" if full else "check the path and its permissions"
+        again = "then run the same command again (a `guard train` with --resume): what was written before is kept"
+        raise RunError(f"{path}: cannot be written ({error.strerror or error}): {remedy}, {again}") from error

@@ -79,9 +79,8 @@ def _remedy(path: Path) -> str:
         return "use another checkpoint, or train again"
     others = [other for other in path.absolute().parent.iterdir() if NUMBERED.fullmatch(other.name)]
     earlier = [other.name for other in others if int(other.name) < int(path.name)]
-    if not earlier:
-        return "there is no checkpoint before it, so train again into another folder"
-    return f"delete the folder {path} to go on from checkpoint {max(earlier, key=int)}, or train again"
+    before = f"checkpoint {max(earlier, key=int)}" if earlier else "the start"
+    return f"delete the folder {path} and train on with --resume, which then goes on from {before}"
 
 
 def _state_digest(state: Mapping[str, Any]) -> str:

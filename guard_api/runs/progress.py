@@ -89,6 +89,9 @@ def read_rows(path: Path) -> list[dict[str, float]]:
     text = _text(path)
     whole = io.StringIO(text[: text.rfind("\n") + 1])
     rows: list[dict[str, float]] = []
+    missing = [name for name in KEYS if name not in text.partition("\n")[0].split(",")]
+    if missing:
+        raise RunError(f"{path}:1: has no column {missing[0]}, so it is no log of a training: restore it from a copy")
     for number, cells in enumerate(csv.DictReader(whole), start=2):
         rows.append(_parse(path, cells, number))
         if len(rows) > 1 and rows[-1]["epoch"] <= rows[-2]["epoch"]:

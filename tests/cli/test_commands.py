@@ -216,13 +216,13 @@ def test_interrupt_leaves_a_checkpoint_and_resumes(tmp_path: Path, capsys: pytes
 
 def test_kill_loses_nothing_that_was_saved(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "run"
-    process = start([*train_arguments(out, 10_000_000), "--checkpoint-every", "1"])
+    process = start(train_arguments(out, 10_000_000))
     wait_for_rows(out, process, 2)
     process.kill()
     process.communicate(timeout=60)
     saved = max(int(path.name) for path in (out / "checkpoints").iterdir() if path.name.isdigit())
     steps = (saved + 1) * 2000
-    code, _, err = guard([*train_arguments(out, steps), "--resume", "--checkpoint-every", "1", "--json"], capsys)
+    code, _, err = guard([*train_arguments(out, steps), "--resume", "--json"], capsys)
     assert code == 0, err
     assert len((out / "progress.csv").read_text().splitlines()) - 1 == saved + 1
 
@@ -260,14 +260,15 @@ def test_a_killed_worker_is_one_clear_line_and_the_run_goes_on(
 ) -> None:
     pytest.importorskip("pybullet")
     out = tmp_path / "run"
-    arguments = ["train", "--env", ENV, "--backend", "bullet", *TINY, "--workers", "2", "--out", str(out),
-                 "--checkpoint-every", "1"]  # fmt: skip
+    arguments = ["train", "--env", ENV, "--backend", "bullet", *TINY, "--workers", "2", "--out", str(out)]
     process = start([*arguments, "--total-steps", "10_000_000"])
     wait_for_rows(out, process, 1)
     os.kill(children(process.pid)[0], signal.SIGKILL)
     _, err = process.communicate(timeout=60)
     assert process.returncode == 2
     assert "worker" in err
+    assert "seed 0, epoch" in err
+    assert f"guard train --resume --out {out}" in err.replace("\n", " ").replace("  ", " ")
     assert "Traceback" not in err
     saved = max(int(path.name) for path in (out / "checkpoints").iterdir() if path.name.isdigit())
     code, _, err = guard([*arguments, "--total-steps", str((saved + 1) * 2000), "--resume", "--json"], capsys)

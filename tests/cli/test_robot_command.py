@@ -113,16 +113,21 @@ def test_check_is_unreserved_where_nothing_is_approximated(
 def test_check_lists_every_problem_of_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     broken = tmp_path / "broken.urdf"
     broken.write_text(
-        URDF.read_text().replace('<sphere radius="0.1"/>', '<sphere radius="-1"/>', 1).replace("<mass v", "<mass w")
+        URDF.read_text()
+        .replace('<sphere radius="0.1"/>', '<sphere radius="-1"/>', 1)
+        .replace("<mass v", "<mass w")
+        .replace("</robot>", "<gazebo/></robot>")
     )
     code, out, err = guard(["robot", "check", str(broken)], capsys)
     assert code == 1
     assert not err
     assert len([line for line in out.splitlines() if line.startswith(f"{broken}:")]) >= 2
     assert "cannot be used" in out
+    assert any(line.startswith("note: ") and "gazebo" in line for line in out.splitlines())
     code, out, _ = guard(["robot", "check", str(broken), "--json"], capsys)
     assert code == 1
     assert len(json.loads(out)["problems"]) >= 2
+    assert any("gazebo" in note for note in json.loads(out)["notes"])
 
 
 def test_check_fails_when_a_backend_builds_another_robot(

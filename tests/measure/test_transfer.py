@@ -76,6 +76,12 @@ def test_a_second_call_does_nothing_twice_and_says_the_same(toy, make_plan, tmp_
     assert first == second  # who measured what, and when, included
 
 
+def test_an_option_that_changes_no_number_may_change(toy, make_plan, tmp_path: Path):
+    first = read(run_transfer(make_plan(), tmp_path))
+    again = read(run_transfer(make_plan(config=ToyConfig(haste=2)), tmp_path))
+    assert first["cells"] == again["cells"]
+
+
 def test_seeds_and_backends_may_be_added(toy, make_plan, tmp_path: Path):
     run_transfer(make_plan(seeds=(0, 1), backends=("exact",)), tmp_path)
     toy.algorithm.log.clear()

@@ -116,6 +116,13 @@ def test_a_damaged_log_is_told_in_one_line(run: RunDirectory, line: bytes, messa
         run.rows()
 
 
+@pytest.mark.parametrize("text", ["", "junk\n", "epoch,return\n1,2\n"])
+def test_a_file_that_is_no_log_is_not_a_log_without_rows(run: RunDirectory, text: str):
+    (run.path / "progress.csv").write_text(text)
+    with pytest.raises(RunError, match=r"progress\.csv:1: has no column"):
+        run.rows()
+
+
 def test_truncate_log_drops_later_epochs(run: RunDirectory):
     for epoch in range(1, 6):
         run.log({"epoch": epoch, "total_steps": 10 * epoch, "return": float(epoch)})
@@ -183,9 +190,9 @@ def test_the_remedy_for_damage_names_the_checkpoint_before(run: RunDirectory):
     for epoch in (9, 10):
         path = run.save_checkpoint(epoch, TENSORS, STATE)
         (path / TENSORS_FILE).write_bytes(b"")
-    with pytest.raises(RunError, match=r"delete the folder .*000010 to go on from checkpoint 000009"):
+    with pytest.raises(RunError, match=r"delete the folder .*000010 and .* goes on from checkpoint 000009"):
         load_checkpoint(run.path / "checkpoints" / "000010")
-    with pytest.raises(RunError, match="no checkpoint before it"):
+    with pytest.raises(RunError, match="goes on from the start"):
         load_checkpoint(run.path / "checkpoints" / "000009")
     (run.save_best(TENSORS, STATE) / STATE_FILE).write_text("{")
     with pytest.raises(RunError, match="use another checkpoint"):
