@@ -130,6 +130,8 @@ def train(
             try:
                 finished = algorithm.train(job)
             except BackendError as error:
+                if run.last_checkpoint() is None:  # nothing to go on from
+                    raise
                 where = f"seed {training.seed}, epoch {len(run.rows()) + 1}"
                 again = f"`guard train --resume --out {run.path}` goes on from the last checkpoint"
                 raise BackendError(f"{error} ({where}; {again})") from error
